@@ -1,0 +1,43 @@
+"""What a search asks for, and what became of it."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from mfopt.arrays import Array
+from mfopt.outcome import Outcome
+
+Purpose = Literal["search", "confirm best", "confirm baseline"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Candidate:
+    """One run to be made: a design, where to evaluate it, and with which seed."""
+
+    index: int  # place in the sequence of all evaluations of the run
+    x: Array  # (d,) physical units
+    level: str
+    seed: int
+    generation: int = 0  # 0 outside of generations
+    purpose: Purpose = "search"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Evaluation:
+    """A candidate with its outcome and the objective value it was told with."""
+
+    candidate: Candidate
+    outcome: Outcome
+    objective: float  # infinite if the run failed
+
+
+@dataclass(frozen=True, slots=True)
+class Generation:
+    """One generation of a search, as the report needs it."""
+
+    number: int  # counted from 1 over the whole run
+    level: str
+    restart: int  # how many restarts came before
+    sigma: float  # step size in the unit cube
+    population_size: int
+    objective: str  # name of the objective that ranks it
+    why: str = ""  # why the search started anew here; empty if it went on

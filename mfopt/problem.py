@@ -1,0 +1,100 @@
+"""The design problem: variables with units and bounds, and what makes a design impossible."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from mfopt.arrays import Array, frozen
+from mfopt.errors import ConfigError
+
+Constraint = Callable[[Array], str | None]  # (d,) -> why the design is impossible, or None
+
+
+@dataclass(frozen=True, slots=True)
+class Variable:
+    """One design variable with its bounds in physical units."""
+
+    name: str
+    lower: float
+    upper: float
+    unit: str = "-"
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.lower) and math.isfinite(self.upper)):
+            raise ConfigError(
+                f"variable {self.name!r}: bounds {self.lower}, {self.upper} must be finite numbers"
+            )
+        if self.lower >= self.upper:
+            raise ConfigError(
+                f"variable {self.name!r}: lower bound {self.lower:g} must be below "
+                f"upper bound {self.upper:g} {self.unit}; exchange them"
+            )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Problem:
+    """Variables to be chosen so that the objective becomes smallest.
+
+    `baseline` is the design to compare with and to start from; `constraint` names why a
+    design is impossible (a hard constraint: such a design is never simulated).
+    """
+
+    variables: tuple[Variable, ...]
+    baseline: Array  # (d,) physical units
+    constraint: Constraint | None = None
+    objective_unit: str = "-"
+
+    def __post_init__(self) -> None:
+        names = [v.name for v in self.variables]
+        if not names:
+            raise ConfigError("the problem has no variables: free at least one")
+        if len(set(names)) < len(names):
+            raise ConfigError(f"variable names must differ: {', '.join(names)}")
+        x = frozen(self.baseline)
+        if x.shape != (len(names),):
+            raise ConfigError(f"baseline has {x.size} values, the problem {len(names)} variables")
+        for value, v in zip(x, self.variables, strict=True):
+            if not v.lower <= value <= v.upper:
+                raise ConfigError(
+                    f"baseline {v.name} = {value:g} {v.unit} is outside its bounds "
+                    f"{v.lower:g} to {v.upper:g}; move the start or widen the bounds"
+                )
+        object.__setattr__(self, "baseline", x)
+
+    @property
+    def dimension(self) -> int:
+        """Number of variables."""
+        return len(self.variables)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the variables, in the order of x."""
+        return tuple(v.name for v in self.variables)
+
+    @property
+    def lower(self) -> Array:
+        """Lower bounds (d,), physical units."""
+        return frozen([v.lower for v in self.variables])
+
+    @property
+    def upper(self) -> Array:
+        """Upper bounds (d,), physical units."""
+        return frozen([v.upper for v in self.variables])
+
+    def to_x(self, z: Array) -> Array:
+        """Map the unit cube to physical units, (..., d)."""
+        return np.asarray(self.lower + z * (self.upper - self.lower))
+
+    def to_z(self, x: Array) -> Array:
+        """Map physical units to the unit cube, (..., d)."""
+        return np.asarray((x - self.lower) / (self.upper - self.lower))
+
+    def impossible(self, x: Array) -> str | None:
+        """Why the design `x` (d,) can never be built, or None."""
+        return None if self.constraint is None else self.constraint(x)
+
+    def named(self, x: Array) -> Mapping[str, float]:
+        """The design `x` (d,) by variable name."""
+        return {name: float(value) for name, value in zip(self.names, x, strict=True)}

@@ -1,0 +1,233 @@
+"""The run directory: everything a run needs to be resumed, reported and trusted.
+
+    study.toml       the study as given
+    run.json         format, versions, seeds, choices made at the start
+    journal.jsonl    one line per generation and evaluation, in the order of the search
+    outcomes/N.h5    raw arrays of evaluation N
+
+An outcome is written aside, flushed and renamed before its journal line is appended and
+flushed, so a kill at any instant loses at most the runs in flight. A torn last line is
+dropped. Nothing is ever unpickled.
+"""
+
+import contextlib
+import errno
+import fcntl
+import json
+import math
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from mfopt.arrays import AnyArray, frozen
+from mfopt.errors import ConfigError
+from mfopt.evaluation import Candidate, Evaluation, Generation
+from mfopt.outcome import Outcome
+
+FORMAT = 1
+
+
+@dataclass(slots=True)
+class RunDirectory:
+    """A run directory, open for reading and appending."""
+
+    path: Path
+    header: Mapping[str, Any]
+    generations: list[Generation] = field(default_factory=list)
+    end: str | None = None  # why the run ended; None while it runs or if it broke off
+    _lines: list[dict[str, Any]] = field(default_factory=list)
+
+    @property
+    def study_file(self) -> Path:
+        """The study as it was given."""
+        return self.path / "study.toml"
+
+    def __len__(self) -> int:
+        return len(self._lines)
+
+    def evaluations(self) -> Iterator[Evaluation]:
+        """All evaluations in the order they were written, raw arrays included."""
+        for line in self._lines:
+            yield self._evaluation(line)
+
+    def evaluation(self, index: int) -> Evaluation | None:
+        """The evaluation of that index, or None if it has not been made."""
+        for line in self._lines:
+            if line["index"] == index:
+                return self._evaluation(line)
+        return None
+
+    def _evaluation(self, line: Mapping[str, Any]) -> Evaluation:
+        x = frozen(line["x"])
+        raw = read_arrays(self.path / "outcomes" / f"{line['index']}.h5")
+        return Evaluation(
+            Candidate(line["index"], x, line["level"], line["seed"], line["generation"],
+                      line["purpose"]),
+            Outcome(x, line["level"], line["seed"], line["status"], line["why"], raw,
+                    line["work"], line["cpu_s"]),
+            math.inf if line["objective"] is None else line["objective"],
+        )  # fmt: skip
+
+    def add_generation(self, generation: Generation) -> None:
+        """Append a generation, unless the journal has it already."""
+        if any(g.number == generation.number for g in self.generations):
+            return
+        self._append({"kind": "generation", **asdict(generation)})
+        self.generations.append(generation)
+
+    def add_evaluation(self, evaluation: Evaluation) -> None:
+        """Append an evaluation: arrays first, then the journal line that makes it count."""
+        c, o = evaluation.candidate, evaluation.outcome
+        line = {
+            "kind": "evaluation", "index": c.index, "generation": c.generation,
+            "purpose": c.purpose, "level": c.level, "seed": c.seed, "x": list(map(float, c.x)),
+            "objective": evaluation.objective if math.isfinite(evaluation.objective) else None,
+            "status": o.status, "why": o.why, "work": o.work, "cpu_s": o.cpu_s,
+        }  # fmt: skip
+        write_arrays(self.path / "outcomes" / f"{c.index}.h5", o.raw)
+        self._append(line)
+        self._lines.append(line)
+
+    def add_end(self, why: str) -> None:
+        """Say that the run has ended, and why."""
+        self._append({"kind": "end", "why": why})
+        self.end = why
+
+    def _append(self, line: Mapping[str, Any]) -> None:
+        with full_disk_named(self.path), open(self.path / "journal.jsonl", "ab") as journal:
+            journal.write((json.dumps(line, allow_nan=False) + "\n").encode())
+            journal.flush()
+            os.fsync(journal.fileno())
+
+
+def create(path: Path, study: str, header: Mapping[str, Any]) -> RunDirectory:
+    """Start a run directory at `path` for the study text `study`.
+
+    Raises:
+        ConfigError: if there is a run already, or the directory cannot be written.
+    """
+    if (path / "run.json").exists():
+        raise ConfigError(f"{path} holds a run already; use --resume, or another directory")
+    header = {"format": FORMAT, **header}
+    try:
+        with full_disk_named(path):
+            (path / "outcomes").mkdir(parents=True, exist_ok=True)
+            write_aside(path / "study.toml", study.encode())
+            write_aside(path / "run.json", json.dumps(header, indent=2).encode())
+    except OSError as error:
+        raise ConfigError(f"cannot write the run directory {path}: {error.strerror}") from error
+    return RunDirectory(path, header)
+
+
+def open_run(path: Path) -> RunDirectory:
+    """Open a finished, running or broken-off run directory.
+
+    Raises:
+        ConfigError: if there is no run, or it is of another format.
+    """
+    try:
+        header = json.loads((path / "run.json").read_text())
+    except FileNotFoundError as error:
+        raise ConfigError(f"{path} is not a run directory: it has no run.json") from error
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"cannot read {path / 'run.json'}: {error}") from error
+    if header.get("format") != FORMAT:
+        raise ConfigError(
+            f"{path} was written in format {header.get('format')!r}, this version reads {FORMAT}; "
+            "use the version of mfopt that wrote it, or start a new run directory"
+        )
+    run = RunDirectory(path, header)
+    for line in _journal(path / "journal.jsonl"):
+        match line.pop("kind"):
+            case "generation":
+                run.generations.append(Generation(**line))
+            case "evaluation":
+                run._lines.append(line)
+            case "end":
+                run.end = line["why"]
+    return run
+
+
+@contextlib.contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Hold the run directory for writing, and drop a torn last line of its journal.
+
+    Raises:
+        ConfigError: if another mfopt is writing to it.
+    """
+    with open(path / "run.json") as held:
+        try:
+            fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise ConfigError(f"another mfopt is running in {path}; wait for it to end") from error
+        journal = path / "journal.jsonl"
+        if journal.exists():
+            text = journal.read_bytes()
+            whole = text[: text.rfind(b"\n") + 1]
+            if whole != text:
+                os.truncate(journal, len(whole))
+        yield
+
+
+def _journal(path: Path) -> Iterator[dict[str, Any]]:
+    if not path.exists():
+        return
+    for number, line in enumerate(path.read_bytes().split(b"\n")[:-1], start=1):
+        try:
+            yield json.loads(line)
+        except ValueError as error:
+            raise ConfigError(
+                f"{path}, line {number} is damaged; restore the file, or delete that line "
+                "and what follows and resume"
+            ) from error
+
+
+@contextlib.contextmanager
+def full_disk_named(path: Path) -> Iterator[None]:
+    """Turn "no space left" into a message that says where and what to do."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in (errno.ENOSPC, errno.EDQUOT):
+            raise
+        raise ConfigError(
+            f"no disk space left for {path}; free some and continue with --resume"
+        ) from error
+
+
+def write_aside(path: Path, content: bytes) -> None:
+    """Write a file so that it is either whole or absent, whenever the writer is killed."""
+    aside = path.with_name(f".{path.name}.{os.getpid()}")
+    with open(aside, "wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+    aside.replace(path)
+
+
+def write_arrays(path: Path, arrays: Mapping[str, AnyArray]) -> None:
+    """Write named arrays to an HDF5 file that is either whole or absent."""
+    aside = path.with_name(f".{path.name}.{os.getpid()}")
+    with full_disk_named(path):
+        try:
+            with h5py.File(aside, "w") as file:
+                for name, values in arrays.items():
+                    array = np.asarray(values)
+                    packed = {"compression": "gzip"} if array.size > 1000 else {}
+                    file.create_dataset(name, data=array, **packed)
+            with open(aside, "rb") as written:
+                os.fsync(written.fileno())
+            aside.replace(path)
+        finally:
+            aside.unlink(missing_ok=True)
+
+
+def read_arrays(path: Path) -> dict[str, AnyArray]:
+    """Read every array of an HDF5 file."""
+    with h5py.File(path, "r") as file:
+        return {name: np.asarray(dataset) for name, dataset in file.items()}
