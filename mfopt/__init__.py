@@ -1,0 +1,38 @@
+"""mfopt: multi-fidelity design optimisation of granular machines.
+
+The names below are the whole public interface for use from Python.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from mfopt.cmaes import CmaEs as CmaEs
+    from mfopt.errors import ConfigError as ConfigError
+    from mfopt.errors import MfoptError as MfoptError
+    from mfopt.minimize import FunctionLevel as FunctionLevel
+    from mfopt.minimize import Minimum as Minimum
+    from mfopt.minimize import minimize as minimize
+    from mfopt.problem import Problem as Problem
+    from mfopt.problem import Variable as Variable
+    from mfopt.search import Stage as Stage
+
+_HOME = {
+    "CmaEs": "cmaes",
+    "ConfigError": "errors",
+    "MfoptError": "errors",
+    "FunctionLevel": "minimize",
+    "Minimum": "minimize",
+    "minimize": "minimize",
+    "Problem": "problem",
+    "Variable": "problem",
+    "Stage": "search",
+}
+__all__ = list(_HOME)
+
+
+def __getattr__(name: str) -> Any:
+    # Loaded at first use: a worker process needs neither CMA-ES nor the settings.
+    if name not in _HOME:
+        raise AttributeError(f"module 'mfopt' has no attribute {name!r}")
+    return getattr(import_module(f"mfopt.{_HOME[name]}"), name)

@@ -51,8 +51,8 @@ class RunDirectory:
         return len(self._lines)
 
     def evaluations(self) -> Iterator[Evaluation]:
-        """All evaluations in the order they were written, raw arrays included."""
-        for line in self._lines:
+        """All evaluations in the order they were asked for, raw arrays included."""
+        for line in sorted(self._lines, key=lambda line: int(line["index"])):
             yield self._evaluation(line)
 
     def evaluation(self, index: int) -> Evaluation | None:
@@ -193,7 +193,7 @@ def full_disk_named(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        if error.errno not in (errno.ENOSPC, errno.EDQUOT):
+        if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
             raise
         raise ConfigError(
             f"no disk space left for {path}; free some and continue with --resume"
@@ -228,6 +228,13 @@ def write_arrays(path: Path, arrays: Mapping[str, AnyArray]) -> None:
 
 
 def read_arrays(path: Path) -> dict[str, AnyArray]:
-    """Read every array of an HDF5 file."""
-    with h5py.File(path, "r") as file:
-        return {name: np.asarray(dataset) for name, dataset in file.items()}
+    """Read every array of an HDF5 file.
+
+    Raises:
+        ConfigError: if the file is missing or damaged.
+    """
+    try:
+        with h5py.File(path, "r") as file:
+            return {name: np.asarray(dataset) for name, dataset in file.items()}
+    except OSError as error:
+        raise ConfigError(f"{path} is missing or damaged; restore it: {error}") from error

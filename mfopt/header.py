@@ -1,0 +1,57 @@
+"""The header of a run directory: who made it, with which versions, from which choices."""
+
+import platform
+import sys
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from importlib import metadata
+from typing import Any
+
+from mfopt.level import Ladder
+from mfopt.problem import Problem
+
+PACKAGES = ("mfopt", "numpy", "scipy", "cma", "h5py")
+
+
+def header(
+    problem: Problem,
+    ladder: Ladder,
+    *,
+    name: str,
+    seed: int,
+    objective: str,
+    workers: int,
+    levels: Sequence[Mapping[str, Any]] = (),
+    versions: Mapping[str, str] | None = None,
+) -> dict[str, Any]:
+    """Describe a run before it starts, in what JSON can hold.
+
+    Args:
+        levels: per level, what a report should say of it: `engine`, `grains`, ...
+        versions: of the simulators behind the levels.
+    """
+    described = levels or [{} for _ in ladder]
+    return {
+        "mfopt_version": metadata.version("mfopt"),
+        "study": name,
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "seed": seed,
+        "versions": {
+            "python": platform.python_version(),
+            **{package: metadata.version(package) for package in PACKAGES},
+            **(versions or {}),
+        },
+        "platform": f"{platform.system()} {platform.machine()}, {sys.implementation.name}",
+        "variables": [
+            {"name": v.name, "lower": v.lower, "upper": v.upper, "unit": v.unit}
+            for v in problem.variables
+        ],
+        "baseline": [float(value) for value in problem.baseline],
+        "levels": [
+            {"name": level.name, "work": float(level.work(problem.baseline)), **extra}
+            for level, extra in zip(ladder, described, strict=True)
+        ],
+        "objective": objective,
+        "objective_unit": problem.objective_unit,
+        "workers": workers,
+    }
