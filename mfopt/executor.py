@@ -48,7 +48,7 @@ class Runner:
         for child in multiprocessing.active_children():
             child.kill()
         if self._executor is not None:
-            self._executor.shutdown(wait=True, cancel_futures=True)
+            self._executor.shutdown()
             self._executor = None
 
     def _together(

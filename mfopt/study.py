@@ -1,26 +1,15 @@
 """Study files (TOML): read, checked once, and refused with the key, the limit and the remedy."""
 
-import difflib
 import tomllib
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field
 
 from mfopt.errors import ConfigError
 from mfopt.objective import objective_named
 from mfopt.search import Stage
-
-S = TypeVar("S", bound=BaseModel)
-
-
-class Settings(BaseModel):
-    """Base of all settings: read-only, unknown keys and nan refused, no silent conversion."""
-
-    model_config = ConfigDict(
-        frozen=True, extra="forbid", allow_inf_nan=False, strict=True, arbitrary_types_allowed=True
-    )
+from mfopt.settings import Settings, checked, nearest
 
 
 class StudyHead(Settings):
@@ -44,7 +33,7 @@ class StageSettings(Settings):
 class SearchSettings(Settings):
     """The search and its planned list of levels."""
 
-    method: str = "cma-es"
+    method: Literal["cma-es"] = "cma-es"
     population_size: int = Field(default=16, ge=3)
     sigma: float = Field(default=0.2, gt=0.0, le=1.0)
     seeds: int = Field(default=1, ge=1)
@@ -79,14 +68,24 @@ class RunSettings(Settings):
     scheduler: str | None = None  # address of a Dask scheduler, e.g. tcp://10.0.0.1:8786
 
 
+class VariableSettings(Settings):
+    """A variable of a problem of the user's own; the search starts at `start`."""
+
+    name: str = Field(min_length=1)
+    lower: float
+    upper: float
+    start: float | None = None  # None: the middle
+    unit: str = "-"
+
+
 class ProblemSettings(Settings):
     """The scene, or the variables of a problem of the user's own."""
 
-    scene: str | None = None
+    scene: Literal["dosing"] | None = None
     objective: str
     objective_unit: str = "-"
     dosing: dict[str, Any] = Field(default_factory=dict)
-    variable: list[dict[str, Any]] = Field(default_factory=list)
+    variable: list[VariableSettings] = Field(default_factory=list)
 
 
 class Study(Settings):
@@ -131,56 +130,8 @@ def _check_levels(study: Study, path: Path) -> None:
         if stage.level not in names:
             raise ConfigError(
                 f"{path}: search.stage names level {stage.level!r}, which the ladder lacks"
-                f"{_nearest(stage.level, names)}"
+                f"{nearest(stage.level, names)}"
             )
         if stage.objective is not None:
             objective_named(stage.objective)
     objective_named(study.problem.objective)
-
-
-def checked(model: type[S], data: Mapping[str, Any], *, where: str) -> S:
-    """Check `data` against a settings model.
-
-    Raises:
-        ConfigError: names the key with its place, what is wrong with it and the nearest key.
-    """
-    try:
-        return model.model_validate(data)
-    except ValidationError as error:
-        first = error.errors()[0]
-        raise ConfigError(f"{where}: {_explained(model, first)}") from error
-
-
-def _explained(model: type[BaseModel], error: Mapping[str, Any]) -> str:
-    place = error["loc"]
-    key = ".".join(str(part + 1) if isinstance(part, int) else part for part in place)
-    match error["type"]:
-        case "extra_forbidden":
-            known = sorted(_fields_at(model, place[:-1]))
-            return f"unknown key {key!r}{_nearest(str(place[-1]), known)}"
-        case "missing":
-            return f"key {key!r} is missing; add it"
-        case "finite_number":
-            return f"{key} = {error['input']} must be a finite number"
-        case _:
-            return f"{key} = {error['input']!r}: {error['msg'].lower()}"
-
-
-def _fields_at(model: Any, place: tuple[str | int, ...]) -> list[str]:
-    """Field names of the settings model found at `place` below `model`."""
-    for part in place:
-        if isinstance(part, int):
-            continue
-        kind = model.model_fields[part].annotation
-        inner = [a for a in (kind, *getattr(kind, "__args__", ())) if hasattr(a, "model_fields")]
-        if not inner:
-            return []
-        model = inner[0]
-    return list(model.model_fields)
-
-
-def _nearest(key: str, known: list[str]) -> str:
-    close = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
-    if close:
-        return f"; did you mean {close[0]!r}?"
-    return f"; known are {', '.join(known)}" if known else ""

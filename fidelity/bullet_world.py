@@ -1,0 +1,177 @@
+"""A setup as PyBullet bodies: scaled units, friction, restitution, walls.
+
+Bullet's contact margins are made for bodies of about 0.1 to 10 length units, and its solver
+for masses near 1; so lengths are multiplied by `LENGTH_SCALE`, a grain's mass is 1, and times
+are kept. Contact with rigid bodies depends on ratios of masses only.
+
+Source: E. Coumans, Bullet 2.83 Physics SDK Manual (units, mesh shapes, solver parameters).
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fidelity.engine import Grain, Material, Physics, Setup, Wall
+from mfopt.arrays import Array
+
+LENGTH_SCALE = 10.0  # Bullet length units per metre
+
+# Bullet length units: contacts are made this far ahead, so that a fast grain is stopped at the
+# surface. Bullet's default of 0.02 makes a third more contacts and no other result.
+CONTACT_AHEAD = 0.005
+
+# [m/s] slower contacts do not bounce, or a pile would never rest: five steps' fall at 1 ms.
+RESTING_SPEED = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class World:
+    """Bodies of one simulation by their numbers in PyBullet."""
+
+    client: int
+    grains: tuple[int, ...]
+    moving_walls: tuple[int, ...]
+
+
+def restitution(physics: Physics) -> float:
+    """Coefficient of restitution that matches YADE's numerical damping.
+
+    A linear spring whose force is (1 + d) F on the way in and (1 - d) F on the way out
+    returns the speed times e = sqrt((1 - d) / (1 + d)).
+
+    Source: V. Smilauer et al., YADE documentation, "Numerical damping" (Cundall).
+    """
+    return math.sqrt((1.0 - physics.damping) / (1.0 + physics.damping))
+
+
+def fall_acceleration(physics: Physics) -> float:
+    """Acceleration of a falling grain [m/s2]; damping slows it only where it acts on gravity."""
+    return physics.gravity * ((1.0 - physics.damping) if physics.damp_gravity else 1.0)
+
+
+def friction_factors(grain: Material, wall: Material) -> tuple[float, float]:
+    """Bullet's friction values of grain and wall; it multiplies the two of a pair.
+
+    They give mu = tan(friction angle) between grains, and between grain and wall the tangent
+    of the smaller angle, as in YADE.
+    """
+    between_grains = math.tan(grain.friction_angle)
+    at_wall = math.tan(min(grain.friction_angle, wall.friction_angle))
+    of_grain = math.sqrt(between_grains)
+    return of_grain, at_wall / of_grain if of_grain > 0.0 else 0.0
+
+
+def build(p: Any, setup: Setup, *, timestep: float, iterations: int) -> World:
+    """Make the bodies of `setup` in a new PyBullet world; `p` is the pybullet module."""
+    client = p.connect(p.DIRECT)
+    p.setPhysicsEngineParameter(
+        fixedTimeStep=timestep,
+        numSubSteps=0,
+        numSolverIterations=iterations,
+        deterministicOverlappingPairs=1,  # the order of contacts, hence a bitwise repeat
+        contactBreakingThreshold=CONTACT_AHEAD,
+        restitutionVelocityThreshold=RESTING_SPEED * LENGTH_SCALE,
+        useSplitImpulse=1,  # overlaps are corrected without adding velocity,
+        splitImpulsePenetrationThreshold=0.0,  # however small they are
+    )
+    p.setGravity(0.0, 0.0, -fall_acceleration(setup.physics) * LENGTH_SCALE)
+    of_grain, of_wall = friction_factors(setup.grain_material, setup.wall_material)
+    bounce = math.sqrt(restitution(setup.physics))  # Bullet multiplies these too
+    walls = [_add_wall(p, wall, friction=of_wall, bounce=bounce) for wall in setup.walls]
+    return World(
+        client=client,
+        grains=_add_grains(p, setup, friction=of_grain, bounce=bounce, timestep=timestep),
+        moving_walls=tuple(b for b, w in zip(walls, setup.walls, strict=True) if w.moves),
+    )
+
+
+def _add_wall(p: Any, wall: Wall, *, friction: float, bounce: float) -> int:
+    shape = p.createCollisionShape(
+        p.GEOM_MESH,
+        vertices=(wall.vertices * LENGTH_SCALE).tolist(),
+        indices=wall.triangles.ravel().tolist(),
+        flags=p.GEOM_FORCE_CONCAVE_TRIMESH,
+    )
+    # Only Bullet's multi-body, not its rigid body, hands a wall's velocity to the contacts.
+    body = p.createMultiBody(0.0, shape, useMaximalCoordinates=0 if wall.moves else 1)
+    p.changeDynamics(body, -1, lateralFriction=friction, restitution=bounce)
+    return int(body)
+
+
+def _add_grains(
+    p: Any, setup: Setup, *, friction: float, bounce: float, timestep: float
+) -> tuple[int, ...]:
+    shape = _grain_shape(p, setup.grain)
+    inertia = (setup.grain.inertia / setup.grain.mass * LENGTH_SCALE**2).tolist()
+    # Bullet's velocities belong to the middle of the step before (it moves by the new
+    # velocity): with this start at rest the positions of free fall are exact.
+    start = [0.0, 0.0, 0.5 * timestep * fall_acceleration(setup.physics) * LENGTH_SCALE]
+    bodies = []
+    for position, (w, x, y, z) in zip(
+        setup.packing.positions * LENGTH_SCALE, setup.packing.orientations, strict=True
+    ):
+        body = p.createMultiBody(
+            1.0, shape, -1, position.tolist(), [x, y, z, w], useMaximalCoordinates=1
+        )
+        p.changeDynamics(
+            body,
+            -1,
+            mass=1.0,
+            localInertiaDiagonal=inertia,
+            lateralFriction=friction,
+            restitution=bounce,
+            linearDamping=0.0,  # Bullet's default of 0.04 slows free fall
+            angularDamping=0.0,
+            activationState=p.ACTIVATION_STATE_DISABLE_SLEEPING,
+        )
+        p.resetBaseVelocity(body, start, [0.0, 0.0, 0.0])
+        bodies.append(int(body))
+    return tuple(bodies)
+
+
+def _grain_shape(p: Any, grain: Grain) -> int:
+    return int(
+        p.createCollisionShapeArray(
+            shapeTypes=[p.GEOM_SPHERE] * grain.radii.size,
+            radii=(grain.radii * LENGTH_SCALE).tolist(),
+            collisionFramePositions=(grain.offsets * LENGTH_SCALE).tolist(),
+        )
+    )
+
+
+def place_walls(p: Any, world: World, displacement: float, velocity: float) -> None:
+    """Put the moving walls at `displacement` [m] along x, moving with `velocity` [m/s]."""
+    for body in world.moving_walls:
+        p.resetBasePositionAndOrientation(
+            body, [displacement * LENGTH_SCALE, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]
+        )
+        p.resetBaseVelocity(body, [velocity * LENGTH_SCALE, 0.0, 0.0], [0.0, 0.0, 0.0])
+
+
+def read_poses(p: Any, bodies: list[int]) -> tuple[Array, Array]:
+    """Positions (n, 3) [m] and orientations (n, 4) w, x, y, z of bodies."""
+    poses = [p.getBasePositionAndOrientation(body) for body in bodies]
+    positions = np.array([pose[0] for pose in poses]).reshape(-1, 3) / LENGTH_SCALE
+    orientations = np.array([pose[1] for pose in poses]).reshape(-1, 4)
+    return positions, orientations[:, [3, 0, 1, 2]]
+
+
+def read_heights(p: Any, bodies: list[int]) -> Array:
+    """Heights (n,) [m] of bodies."""
+    heights = [p.getBasePositionAndOrientation(body)[0][2] for body in bodies]
+    return np.array(heights) / LENGTH_SCALE
+
+
+def read_velocities(p: Any, bodies: list[int]) -> tuple[Array, Array]:
+    """Velocities (n, 3) [m/s] and angular velocities (n, 3) [rad/s] of bodies."""
+    pairs = np.array([p.getBaseVelocity(body) for body in bodies]).reshape(-1, 2, 3)
+    return pairs[:, 0] / LENGTH_SCALE, pairs[:, 1]
+
+
+def deepest_overlap(p: Any) -> float:
+    """Largest overlap among all contacts [m]."""
+    distance = 8  # index of `contactDistance`, negative where bodies overlap
+    deepest = min((contact[distance] for contact in p.getContactPoints() or ()), default=0.0)
+    return max(0.0, -deepest / LENGTH_SCALE)

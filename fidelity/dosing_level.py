@@ -1,0 +1,109 @@
+"""The dosing scene as a level, on any discrete-element engine."""
+
+import logging
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from fidelity.dosing import MILLI, Design, design
+from fidelity.dosing_run import (
+    dosing_grain,
+    dosing_setup,
+    packing_order,
+    raw_results,
+    tally,
+)
+from fidelity.engine import Engine, Movement, Setup
+from fidelity.packing import Settled, default_cache, settled_packing
+from fidelity.settings import DemSettings, DosingSettings
+from mfopt.arrays import AnyArray, Array, frozen
+from mfopt.errors import InvalidDesign, SimulationError
+from mfopt.outcome import Outcome, Status
+
+# A run ends a little after the cycle, and grains that have left cost nothing: about this share
+# of all spheres times the steps of the cycle is moved (measured on the baseline design).
+WORK_SHARE = 0.9
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class DosingLevel:
+    """Rice dosing simulated by `engine` with the grains and numerics of `dem`.
+
+    Implements `mfopt.level.Level`. Work and CPU time of an outcome are those of the dosing
+    run; what a first run spent on settling its packing is in `raw` as `settling_work` and
+    `settling_cpu_s`, both 0 when the packing came from the cache.
+    """
+
+    name: str
+    settings: DosingSettings
+    dem: DemSettings
+    engine: Engine
+    cache: Path | None = None  # directory of settled packings; None for the user's cache
+    snapshots: int = 0  # number of moments at which all grains are stored
+
+    def work(self, x: Array) -> float:
+        """Predict the work of a run: spheres times steps of a cycle; the same for every `x`."""
+        steps = MILLI * self.settings.cycle_ms / self.engine_timestep()
+        spheres = self.dem.grains * self.dem.spheres_per_grain
+        return WORK_SHARE * spheres * steps * self.engine.cost_factor
+
+    def engine_timestep(self) -> float:
+        """Time step of the engine [s]: its own, or that of the stiffness of the contacts."""
+        own = getattr(self.engine, "timestep", None)
+        if own is not None:
+            return float(own)
+        material = self.settings.grain.material(self.dem.young_modulus_pa)
+        radius = float(dosing_grain(self.settings, self.dem).radii.min())
+        wave = np.sqrt(material.density / material.young_modulus)
+        return float(self.dem.timestep_factor * radius * wave)
+
+    def evaluate(self, x: Array, *, seed: int) -> Outcome:
+        """Run once at `x` (d,) [mm, -] from the packing of that seed."""
+        try:
+            machine = design(self.settings, x)
+        except InvalidDesign as error:
+            return self._failed(x, seed, "invalid_design", str(error))
+        order = packing_order(self.settings, self.dem, seed)
+        cache = default_cache() if self.cache is None else self.cache
+        limit = self.dem.time_limit_s
+        try:
+            settled = settled_packing(self.engine, order, cache, time_limit_s=limit)
+        except SimulationError as error:
+            return self._failed(x, seed, "crashed", str(error))
+        setup = dosing_setup(self.settings, machine, order, settled.packing, self.snapshots)
+        movement = self.engine.move(setup, time_limit_s=limit)
+        return self._outcome(x, seed, machine, setup, settled, movement)
+
+    def _outcome(
+        self,
+        x: Array,
+        seed: int,
+        machine: Design,
+        setup: Setup,
+        settled: Settled,
+        movement: Movement,
+    ) -> Outcome:
+        status, why, raw = movement.status, movement.why, _no_results()
+        if status == "finished":
+            count = tally(machine, setup, movement)
+            raw = raw_results(setup, movement, count, seed)
+            raw["settling_cpu_s"] = np.asarray(settled.cpu_s)
+            raw["settling_work"] = np.asarray(settled.work)
+            if count.lost:
+                status = "crashed"
+                why = (
+                    f"{count.lost} of {self.dem.grains} grains were lost, the first at "
+                    f"{count.first_lost}; use a shorter time step or stiffer grains"
+                )
+        work = movement.sphere_steps * self.engine.cost_factor
+        return Outcome(frozen(x), self.name, seed, status, why, raw, work, movement.cpu_s)
+
+    def _failed(self, x: Array, seed: int, status: Status, why: str) -> Outcome:
+        return Outcome(frozen(x), self.name, seed, status, why)
+
+
+def _no_results() -> dict[str, AnyArray]:
+    return {}

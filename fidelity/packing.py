@@ -1,0 +1,174 @@
+"""Settled portions in the cup: made once, kept in a cache, and checked before every use.
+
+A packing is found by the digest of everything that it depends on. A file that is damaged or
+fails the check is made again. Of several processes that want the same packing one makes it,
+the others wait.
+"""
+
+import contextlib
+import fcntl
+import hashlib
+import json
+import logging
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fidelity.engine import Engine, Grain, Material, Packing, Physics, Setup, Wall
+from fidelity.portion import flaw, loose_portion
+from geometry.mesh import Mesh
+from geometry.parts import Cup, cup_wall
+from mfopt.arrays import AnyArray, frozen
+from mfopt.errors import SimulationError
+from mfopt.store import read_arrays, write_arrays
+
+METHOD = 1  # counted up when packings are made differently, so that old ones are not used
+SETTLING_DAMPING = 0.5  # [-] numerical damping; brings the portion to rest soon
+LONGEST_SETTLING = 1.0  # [s] of simulated time
+FLOOR_MARGIN = 0.05  # [m] floor around the cup
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Order:
+    """Everything that a settled packing depends on."""
+
+    grain: Grain
+    grain_material: Material
+    wall_material: Material
+    physics: Physics
+    cup: Cup
+    collar: float  # [m] height of the cup's walls while grains are in it
+    chordal_error: float  # [m] of the cup's mesh
+    grains: int
+    seed: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Settled:
+    """A settled packing, the cup's floor at z = 0 and its centre at x = y = 0."""
+
+    packing: Packing
+    cpu_s: float = 0.0  # spent on it now; 0 if it came from the cache
+    work: float = 0.0  # likewise [sphere-steps times the engine's cost factor]
+
+
+def default_cache(environment: Mapping[str, str] | None = None) -> Path:
+    """Where settled packings are kept: `$XDG_CACHE_HOME/mfopt/packings`, or below `~/.cache`."""
+    base = (os.environ if environment is None else environment).get("XDG_CACHE_HOME")
+    return (Path(base) if base else Path.home() / ".cache") / "mfopt" / "packings"
+
+
+def settled_packing(engine: Engine, order: Order, cache: Path, *, time_limit_s: float) -> Settled:
+    """Take the packing from the cache, or settle it with `engine` and keep it.
+
+    Raises:
+        SimulationError: if the grains cannot be settled; the message says what happened.
+    """
+    cache.mkdir(parents=True, exist_ok=True)
+    path = cache / f"{digest(engine, order)}.h5"
+    kept = _read(path, order)
+    if kept is not None:
+        return Settled(kept)
+    with _only_one(path.with_suffix(".lock")):
+        kept = _read(path, order)  # another process may have made it meanwhile
+        if kept is not None:
+            return Settled(kept)
+        made = _settle(engine, order, time_limit_s)
+        write_arrays(path, _with_checksum(made.packing))
+        return made
+
+
+def digest(engine: Engine, order: Order) -> str:
+    """Digest of engine, its version and the order: the packing's name in the cache."""
+    program = [engine.name, repr(engine), engine.version()]  # repr: all of the engine's fields
+    what = {"method": METHOD, "engine": program, **asdict(order)}
+    text = json.dumps(what, sort_keys=True, default=_as_list)
+    return hashlib.sha256(text.encode()).hexdigest()[:32]
+
+
+def _as_list(value: Any) -> Any:
+    return value.tolist() if isinstance(value, np.ndarray) else str(value)
+
+
+def cup_mesh(order: Order) -> Mesh:
+    """Walls of the cup with its collar, floor at z = 0."""
+    return cup_wall(order.cup, order.chordal_error, height=order.collar)
+
+
+def _settle(engine: Engine, order: Order, time_limit_s: float) -> Settled:
+    loose = loose_portion(
+        order.grain, order.cup.section, order.grains, order.seed, chordal_error=order.chordal_error
+    )
+    # The loose layers may stand higher than the collar: while they settle the walls reach as high.
+    top = float(loose.positions[:, 2].max()) + 2 * float(order.grain.radii.max())
+    tall = cup_wall(order.cup, order.chordal_error, height=max(order.collar, top))
+    setup = Setup(
+        grain=order.grain,
+        packing=loose,
+        grain_material=order.grain_material,
+        wall_material=order.wall_material,
+        walls=(Wall("cup", tall.vertices, tall.triangles), _floor(order.cup)),
+        physics=replace(order.physics, damping=SETTLING_DAMPING),
+        duration=LONGEST_SETTLING,
+        exit_z=-FLOOR_MARGIN,
+        settle=True,
+    )
+    movement = engine.move(setup, time_limit_s=time_limit_s)
+    packing = Packing(frozen(movement.positions), frozen(movement.orientations))
+    why = movement.why if movement.status != "finished" else _flaw(order, packing)
+    if why is not None:
+        raise SimulationError(f"settling the portion in the cup failed: {why}")
+    log.info("settled %d grains in %.1f CPU seconds", order.grains, movement.cpu_s)
+    return Settled(packing, movement.cpu_s, movement.sphere_steps * engine.cost_factor)
+
+
+def _floor(cup: Cup) -> Wall:
+    x = cup.section.length / 2 + FLOOR_MARGIN
+    y = cup.section.width / 2 + FLOOR_MARGIN
+    corners = np.array([[-x, -y, 0.0], [x, -y, 0.0], [x, y, 0.0], [-x, y, 0.0]])
+    return Wall("floor", corners, np.array([[0, 1, 2], [0, 2, 3]]))
+
+
+def _flaw(order: Order, packing: Packing) -> str | None:
+    return flaw(order.grain, order.cup.section, order.collar, order.grains, packing)
+
+
+def _with_checksum(packing: Packing) -> dict[str, AnyArray]:
+    arrays = {"positions": packing.positions, "orientations": packing.orientations}
+    return {**arrays, "checksum": _checksum(packing)}
+
+
+def _checksum(packing: Packing) -> AnyArray:
+    content = packing.positions.tobytes() + packing.orientations.tobytes()
+    return np.frombuffer(hashlib.sha256(content).digest(), dtype=np.uint8)
+
+
+def _read(path: Path, order: Order) -> Packing | None:
+    """The packing kept at `path`, or None if there is none that can be trusted."""
+    if not path.exists():
+        return None
+    try:
+        arrays = read_arrays(path)
+        packing = Packing(frozen(arrays["positions"]), frozen(arrays["orientations"]))
+        whole = np.array_equal(arrays["checksum"], _checksum(packing))
+        why = _flaw(order, packing) if whole else "its checksum does not fit its content"
+    except (OSError, KeyError, ValueError) as error:
+        why = str(error)
+    if why is None:
+        return packing
+    log.warning("the packing %s is made again: %s", path, why)
+    return None
+
+
+@contextlib.contextmanager
+def _only_one(path: Path) -> Iterator[None]:
+    """Hold a lock that dies with its process; others wait."""
+    with open(path, "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield

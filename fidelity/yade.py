@@ -1,0 +1,100 @@
+"""YADE, the reference grain engine: a process per run, with the system's Python."""
+
+import shutil
+import subprocess
+import tempfile
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Literal
+
+from fidelity.engine import Movement, Setup
+from fidelity.exchange import failed_movement, read_movement, write_setup
+from fidelity.process import Ended, run_logged
+from mfopt.errors import ConfigError
+
+Precision = Literal["double", "longdouble", "float128"]
+
+PROGRAMS: dict[Precision, str] = {
+    "double": "yade",
+    "longdouble": "yade-longdouble",
+    "float128": "yade-float128",
+}
+# Cost of a sphere-step relative to double precision, measured with Debian's yade 2023.02a.
+COST_FACTORS: dict[Precision, float] = {"double": 1.0, "longdouble": 5.0, "float128": 32.0}
+
+TRACE_PERIOD_S = 0.01  # simulated time between two files of a trace
+
+_SCRIPT = Path(__file__).with_name("yade_script.py")
+
+
+@dataclass(frozen=True, slots=True)
+class YadeEngine:
+    """Discrete elements by YADE (doi:10.5281/zenodo.5705394), one thread a run.
+
+    Runs repeat bit for bit.
+    """
+
+    precision: Precision = "double"
+    trace: Path | None = None  # directory for VTK files of the run; changes no result
+
+    @property
+    def name(self) -> str:
+        """`yade`, or the program of another precision."""
+        return PROGRAMS[self.precision]
+
+    @property
+    def cost_factor(self) -> float:
+        """Cost of one sphere-step relative to double precision."""
+        return COST_FACTORS[self.precision]
+
+    def version(self) -> str:
+        """Version of YADE.
+
+        Raises:
+            ConfigError: if it is not installed.
+        """
+        return _version(PROGRAMS[self.precision])
+
+    def move(self, setup: Setup, *, time_limit_s: float) -> Movement:
+        """Move the grains in a YADE of their own."""
+        _version(PROGRAMS[self.precision])
+        with tempfile.TemporaryDirectory(prefix="mfopt-yade-") as name:
+            directory = Path(name)
+            write_setup(setup, directory, _trace_settings(self.trace))
+            command = [PROGRAMS[self.precision], "-n", "-x", "-j1", str(_SCRIPT), name]
+            ended = run_logged(command, directory=directory, time_limit_s=time_limit_s)
+            movement = read_movement(directory, cpu_s=ended.cpu_s)
+        if ended.timed_out:
+            why = f"not ready within the time limit of {time_limit_s:g} s"
+            return failed_movement(setup, "timed_out", why, cpu_s=ended.cpu_s)
+        if ended.returncode != 0 or movement is None:
+            return failed_movement(setup, "crashed", _why(ended), cpu_s=ended.cpu_s)
+        return movement
+
+
+def _why(ended: Ended) -> str:
+    how = "ended with" if (ended.returncode or 0) >= 0 else "was killed twice, by signal"
+    code = abs(ended.returncode or 0)
+    return f"YADE {how} {code}; last lines of its log:\n{ended.last_lines}"
+
+
+def _trace_settings(trace: Path | None) -> dict[str, str | float]:
+    if trace is None:
+        return {}
+    trace.mkdir(parents=True, exist_ok=True)
+    return {"trace": f"{trace.resolve()}/", "trace_period": TRACE_PERIOD_S}
+
+
+@cache
+def _version(program: str) -> str:
+    if shutil.which(program) is None:
+        raise ConfigError(
+            f"{program} is not installed; install it (Debian, Ubuntu: apt-get install yade), "
+            "or choose the engine bullet"
+        )
+    answer = subprocess.run([program, "--version"], capture_output=True, text=True, check=False)
+    words = answer.stdout.split()
+    if answer.returncode != 0 or not words:
+        raise ConfigError(f"{program} --version fails: {answer.stderr.strip()[-200:]}")
+    return words[-1]

@@ -1,0 +1,366 @@
+"""The command line: the one place where core, levels, geometry and reports meet."""
+
+import json
+import math
+import os
+import shutil
+from collections.abc import Callable, Mapping
+from functools import partial, wraps
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from fidelity.assemble import Assembled, assemble
+from fidelity.bound import filling_time_bound, smallest_filling_time_bound
+from fidelity.dosing import cup_motion, design, design_parts
+from fidelity.dosing_level import DosingLevel
+from fidelity.dosing_run import dosing_grain
+from fidelity.settings import DosingSettings
+from geometry.export import write_gltf, write_stl
+from geometry.manufacturability import manufacturability
+from mfopt.arrays import Array, frozen
+from mfopt.begin import begin
+from mfopt.errors import ConfigError, MfoptError
+from mfopt.executor import Runner, dask_cluster, local_processes
+from mfopt.header import header
+from mfopt.level import Level
+from mfopt.objective import objective_named
+from mfopt.problem import Problem
+from mfopt.store import full_disk_named, open_run, writing
+from mfopt.study import Study, read_study
+from reports.design import DesignView
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    help="Find the best design of a granular machine with few simulation runs.",
+)
+screen = Console(soft_wrap=True)
+
+StudyFile = Annotated[Path, typer.Argument(help="study file (TOML)")]
+RunPath = Annotated[Path, typer.Argument(help="run directory")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="print nothing but errors")]
+AsJson = Annotated[bool, typer.Option("--json", help="print the result as JSON")]
+Design = Annotated[
+    list[str] | None, typer.Option("--set", help="variable=value; what is left out: the baseline")
+]
+FromRun = Annotated[
+    Path | None, typer.Option("--best-of", help="take the best design of this run directory")
+]
+
+
+def _command(function: Callable[..., None]) -> Callable[..., None]:
+    """Register a command; exit code 1 if the run failed, 2 if the input is wrong."""
+
+    @wraps(function)
+    def wrapped(*args: Any, **kwargs: Any) -> None:
+        try:
+            function(*args, **kwargs)
+        except ConfigError as error:
+            _stop(str(error), 2)
+        except MfoptError as error:
+            _stop(str(error), 1)
+        except KeyboardInterrupt:
+            _stop("interrupted; the run continues with --resume", 1)
+
+    return app.command()(wrapped)
+
+
+def _stop(message: str, code: int) -> None:
+    typer.echo(f"error: {message}", err=True)
+    raise typer.Exit(code)
+
+
+@_command
+def init(
+    path: Annotated[Path, typer.Argument(help="file to write")] = Path("study.toml"),
+) -> None:
+    """Write a commented study file to start from."""
+    if path.exists():
+        raise ConfigError(f"{path} exists already; give another name")
+    example = Path(__file__).parent.parent / "examples" / "rice-quick.toml"
+    try:
+        shutil.copyfile(example, path)
+    except OSError as error:
+        raise ConfigError(f"cannot write {path}: {error.strerror}") from error
+    screen.print(f"wrote {path}; run it with: mfopt run {path}")
+
+
+@_command
+def run(
+    study_file: StudyFile,
+    directory: Annotated[
+        Path | None, typer.Option("--directory", "-d", help="run directory; runs/NAME if left out")
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="go on with a broken-off run, if there is one")
+    ] = False,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+) -> None:
+    """Run a study, confirm its best design over fresh seeds and write the reports."""
+    from mfopt.cmaes import CmaEs
+    from mfopt.progress import ProgressDisplay
+    from mfopt.run import run_study
+
+    study, text = read_study(study_file)
+    parts = assemble(study, where=str(study_file))
+    search = CmaEs(
+        parts.problem,
+        study.search.stages(study.problem.objective),
+        seed=study.study.seed,
+        exchange=study.search.exchange,
+    )
+    workers = study.run.workers or len(os.sched_getaffinity(0))
+    address = study.run.scheduler
+    runner = Runner(dask_cluster(address) if address else local_processes(workers))
+    path = directory or Path("runs") / study.study.name
+    head = _header(study, parts, workers)
+    with full_disk_named(path):
+        begin(path, text, head, resume=resume)
+        console = Console(quiet=quiet or as_json)
+        work = {level["name"]: level["work"] for level in head["levels"]}
+        display = ProgressDisplay(
+            console,
+            work=work,
+            unit=parts.problem.objective_unit,
+            confirm_work=2 * study.confirm.seeds * work[parts.ladder.top.name],
+        )
+        with writing(path), display:
+            run_study(
+                parts.problem,
+                parts.ladder,
+                search,
+                runner,
+                open_run(path),
+                confirm_on=parts.confirm_on,
+                confirm_seeds=study.confirm.seeds,
+                watch=display.watch,
+            )
+        _write_reports(path, parts, console)
+    _print_result(path, console, as_json=as_json)
+
+
+def _header(study: Study, parts: Assembled, workers: int) -> dict[str, Any]:
+    return header(
+        parts.problem,
+        parts.ladder,
+        name=study.study.name,
+        seed=study.study.seed,
+        objective=study.problem.objective,
+        workers=workers,
+        levels=parts.described,
+        versions=parts.versions,
+    )
+
+
+@_command
+def status(path: RunPath, as_json: AsJson = False) -> None:
+    """Say how far a run has come and what it has found."""
+    _print_result(path, screen, as_json=as_json)
+
+
+@_command
+def report(path: RunPath, quiet: Quiet = False) -> None:
+    """Write report.html and report.pdf of a finished, running or broken-off run."""
+    study_file = open_run(path).study_file
+    study, _ = read_study(study_file)
+    with full_disk_named(path):
+        _write_reports(path, assemble(study, where=str(study_file)), Console(quiet=quiet))
+
+
+def _write_reports(path: Path, parts: Assembled, console: Console) -> None:
+    from reports.write import write_report
+
+    describe = partial(_view, parts.dosing, parts.confirm_on.top)
+    pages = {"html": path / "report.html", "pdf": path / "report.pdf"}
+    write_report(open_run(path), describe=describe, **pages)
+    for page in pages.values():
+        console.print(f"wrote {page}", highlight=False)
+
+
+def _view(dosing: DosingSettings | None, top: Level, x: Array) -> DesignView | None:
+    """What a report shows of a design besides its numbers; None without a scene."""
+    if dosing is None:
+        return None
+    machine, motion = design(dosing, x), cup_motion(dosing, x)
+    grain = dosing_grain(dosing, top.dem) if isinstance(top, DosingLevel) else None
+    no_grain = np.empty((0, 3))
+    law = machine.motion
+    points = {"P1": (law.x1, law.y1), "P2": (law.x2, law.y2)}
+    return DesignView(
+        label="",
+        x=x,
+        parts={name: (m.vertices, m.triangles) for name, m in design_parts(dosing, x).items()},
+        motion_times=motion.times,
+        cup_positions=motion.positions,
+        cup_velocities=motion.velocities,
+        motion_points={
+            name: (t * machine.cycle, machine.stroke * (y - 0.5)) for name, (t, y) in points.items()
+        },
+        notes=tuple(manufacturability(machine.loft).sentences()),
+        bound_s=filling_time_bound(machine),
+        bound_any_s=smallest_filling_time_bound(dosing),
+        grain_offsets=no_grain if grain is None else grain.offsets,
+        grain_radii=no_grain[:, 0] if grain is None else grain.radii,
+    )
+
+
+def _print_result(path: Path, console: Console, *, as_json: bool) -> None:
+    """The result in a few lines, or as JSON."""
+    from reports.result import result
+    from reports.rows import read_rows
+
+    run = open_run(path)
+    rows = read_rows(run)
+    found = result(rows, [level["name"] for level in run.header["levels"]])
+    answer: dict[str, Any] = {
+        "study": run.header["study"],
+        "ended": run.end,
+        "evaluations": len(rows),
+        "failed": sum(not row.finished for row in rows),
+        "work": sum(row.work for row in rows),
+        "cpu_s": sum(row.cpu_s for row in rows),
+    }
+    if found is not None:
+        names = [variable["name"] for variable in run.header["variables"]]
+        answer["level"] = found.found.level
+        answer["objective"] = found.found.value if math.isfinite(found.found.value) else None
+        answer["design"] = dict(zip(names, map(float, found.x), strict=True))
+        if found.objective is not None:
+            answer["confirmed_median"] = found.objective.median_best
+            answer["baseline_median"] = found.objective.median_baseline
+            answer["reduction_percent"] = found.objective.reduction
+    if as_json:
+        typer.echo(json.dumps(answer, indent=2))
+    else:
+        console.print(_as_table(answer))
+
+
+def _as_table(answer: Mapping[str, Any]) -> Table:
+    table = Table(show_header=False, box=None)
+    for key, value in answer.items():
+        shown = value
+        if isinstance(value, dict):
+            shown = "  ".join(f"{name} {number:.4g}" for name, number in value.items())
+        elif isinstance(value, float):
+            shown = f"{value:.5g}"
+        table.add_row(key.replace("_", " "), str(shown))
+    return table
+
+
+@_command
+def evaluate(
+    study_file: StudyFile,
+    level: Annotated[str | None, typer.Option(help="level; the top one if left out")] = None,
+    seed: Annotated[int, typer.Option(help="seed of the simulation", min=0)] = 1,
+    settings: Design = None,
+    best_of: FromRun = None,
+) -> None:
+    """Run one design once on one level and print what came out, as JSON."""
+    study, _ = read_study(study_file)
+    parts = assemble(study, where=str(study_file))
+    x = _design(parts.problem, settings or [], best_of)
+    outcome = parts.ladder[level or parts.ladder.top.name].evaluate(x, seed=seed)
+    terms = {}
+    if outcome.finished:
+        terms = objective_named(study.problem.objective)(outcome.raw)
+    answer = {
+        "design": parts.problem.named(x),
+        "level": outcome.level,
+        "seed": seed,
+        "status": outcome.status,
+        "why": outcome.why,
+        "terms": terms,
+        "objective": sum(terms.values()) if terms else None,
+        "raw": {name: float(a) for name, a in outcome.raw.items() if a.ndim == 0},
+        "work": outcome.work,
+        "cpu_s": outcome.cpu_s,
+    }
+    typer.echo(json.dumps(answer, indent=2))
+    if not outcome.finished:
+        raise typer.Exit(1)
+
+
+@_command
+def geometry(
+    study_file: StudyFile,
+    directory: Annotated[Path, typer.Option("--directory", "-d", help="where to write")],
+    settings: Design = None,
+    best_of: FromRun = None,
+    step: Annotated[bool, typer.Option("--step", help="STEP too (needs the extra cad)")] = False,
+) -> None:
+    """Write the meshes of one design (STL, glTF, STEP) and say how it can be made."""
+    study, _ = read_study(study_file)
+    parts = assemble(study, where=str(study_file))
+    x = _design(parts.problem, settings or [], best_of)
+    if parts.dosing is None:
+        raise ConfigError(f'{study_file} has no geometry: it needs scene = "dosing"')
+    from geometry.step import write_step
+
+    if (why := parts.problem.impossible(x)) is not None:
+        raise ConfigError(f"this design cannot be built: {why}")
+    machine, meshes = design(parts.dosing, x), design_parts(parts.dosing, x)
+    with full_disk_named(directory):
+        directory.mkdir(parents=True, exist_ok=True)
+        for name, mesh in meshes.items():
+            write_stl(directory / f"{name}.stl", mesh)
+        write_gltf(directory / "machine.glb", meshes)
+        if step:
+            write_step(directory / "hopper.step", machine.loft, machine.tube_end_z)
+    for sentence in manufacturability(machine.loft).sentences():
+        screen.print(sentence)
+    screen.print(f"wrote {', '.join(sorted(p.name for p in directory.iterdir()))} to {directory}")
+
+
+def _design(problem: Problem, settings: list[str], best_of: Path | None) -> Array:
+    """The baseline or a run's best design, with single variables set."""
+    x = problem.named(problem.baseline if best_of is None else _best_design(best_of, problem))
+    values = dict(x)
+    for setting in settings:
+        name, _, number = setting.partition("=")
+        if name not in values:
+            raise ConfigError(f"--set {setting}: the variables are {', '.join(problem.names)}")
+        try:
+            values[name] = float(number)
+        except ValueError as error:
+            raise ConfigError(f"--set {setting}: write name=number") from error
+        if not math.isfinite(values[name]):
+            raise ConfigError(f"--set {setting}: the value must be a finite number")
+    return frozen(list(values.values()))
+
+
+def _best_design(path: Path, problem: Problem) -> Array:
+    from reports.result import result
+    from reports.rows import read_rows
+
+    run = open_run(path)
+    found = result(read_rows(run), [level["name"] for level in run.header["levels"]])
+    if found is None:
+        raise ConfigError(f"{path} has no finished run yet")
+    names = tuple(variable["name"] for variable in run.header["variables"])
+    if names != problem.names:
+        raise ConfigError(f"{path} has the variables {', '.join(names)}, the study others")
+    return found.x
+
+
+@_command
+def ladder(study_file: StudyFile) -> None:
+    """Show the levels of a study, what they cost and what the plan spends on each."""
+    study, _ = read_study(study_file)
+    parts = assemble(study, where=str(study_file))
+    stages = study.search.stages(study.problem.objective)
+    work = {level.name: level.work(parts.problem.baseline) for level in parts.ladder}
+    top = work[parts.ladder.top.name]
+    columns = ("level", "engine", "grains", "work of a run", "full runs", "planned runs")
+    table = Table(*columns, title=f"{study.study.name}: the ladder")
+    for level, said in zip(parts.ladder, parts.described, strict=True):
+        planned = sum(s.generations * s.population_size for s in stages if s.level == level.name)
+        cells = (said["engine"], said.get("grains", "-"), f"{work[level.name]:.3g}")
+        table.add_row(level.name, *map(str, cells), f"{work[level.name] / top:.3g}", str(planned))
+    screen.print(table)

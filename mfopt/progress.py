@@ -1,0 +1,86 @@
+"""Progress on the screen: best so far, level, work spent and left, time to go."""
+
+import math
+import time
+from collections.abc import Mapping
+from types import TracebackType
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from mfopt.run import Progress as RunProgress
+
+
+class ProgressDisplay:
+    """Shows how far a run has come: a bar on a terminal, a line per generation elsewhere.
+
+    Args:
+        console: where to draw.
+        work: predicted work of one run, by level.
+        unit: of the objective.
+        confirm_work: work of the confirmation after the search.
+    """
+
+    def __init__(
+        self, console: Console, *, work: Mapping[str, float], unit: str, confirm_work: float
+    ) -> None:
+        self._console, self._work, self._unit = console, work, unit
+        self._confirm_work = confirm_work
+        self._spent = self._measured = 0.0
+        self._began = time.monotonic()
+        self._best: dict[str, float] = {}
+        self._generation = 0
+        columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+        self._bar = Progress(*columns, console=console, refresh_per_second=1)
+        self._task = self._bar.add_task("starting", total=None)
+
+    def __enter__(self) -> "ProgressDisplay":
+        if self._console.is_terminal:
+            self._bar.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._bar.stop()
+
+    def watch(self, progress: RunProgress) -> None:
+        """Take notice of one more evaluation."""
+        candidate, work = (
+            progress.evaluation.candidate,
+            self._work[progress.evaluation.candidate.level],
+        )
+        self._spent += work
+        self._measured += 0.0 if progress.replayed else work
+        if candidate.purpose != "search":
+            self._confirm_work -= work
+        best = min(self._best.get(candidate.level, math.inf), progress.evaluation.objective)
+        self._best[candidate.level] = best
+        left = self._confirm_work + sum(self._work[name] * n for name, n in progress.runs_left)
+        words = (
+            f"{self._phase(progress)}  best {best:.4g} {self._unit}  "
+            f"work {self._spent:.3g} of {self._spent + left:.3g}  {self._to_go(left)}"
+        )
+        self._bar.update(
+            self._task, description=words, completed=self._spent, total=self._spent + left
+        )
+        new = candidate.generation != self._generation
+        if new and not self._console.is_terminal and not progress.replayed:
+            self._console.print(words, soft_wrap=True)
+        self._generation = candidate.generation
+
+    def _phase(self, progress: RunProgress) -> str:
+        candidate = progress.evaluation.candidate
+        if candidate.purpose == "search":
+            return f"generation {candidate.generation} on {candidate.level}"
+        return f"confirming on {candidate.level}"
+
+    def _to_go(self, left: float) -> str:
+        if self._measured <= 0.0:
+            return ""
+        seconds = (time.monotonic() - self._began) * left / self._measured
+        minutes, rest = divmod(round(seconds), 60)
+        return f"about {minutes} min {rest:02d} s to go"

@@ -1,0 +1,68 @@
+"""Settings as the user gives them: checked once, refused with the key, the limit, the remedy."""
+
+import difflib
+from collections.abc import Iterable, Mapping
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from mfopt.errors import ConfigError
+
+S = TypeVar("S", bound=BaseModel)
+
+
+class Settings(BaseModel):
+    """Base of all settings: read-only; unknown keys, nan and wrong types are refused."""
+
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", allow_inf_nan=False, strict=True, validate_default=True
+    )
+
+
+def checked(model: type[S], data: Mapping[str, Any], *, where: str) -> S:
+    """Check `data` against a settings model.
+
+    Raises:
+        ConfigError: names the key with its place, what is wrong with it and the nearest key.
+    """
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        raise ConfigError(f"{where}: {_explained(model, error.errors()[0])}") from error
+
+
+def nearest(key: str, known: Iterable[str]) -> str:
+    """A hint at the known name that is most like `key`, to append to a message."""
+    names = sorted(known)
+    if close := difflib.get_close_matches(key, names, n=1, cutoff=0.5):
+        return f"; did you mean {close[0]!r}?"
+    return f"; known are {', '.join(names)}" if names else ""
+
+
+def _explained(model: type[BaseModel], error: Mapping[str, Any]) -> str:
+    place = error["loc"]
+    key = ".".join(str(part + 1) if isinstance(part, int) else part for part in place)
+    match error["type"]:
+        case "extra_forbidden":
+            return f"unknown key {key!r}{nearest(str(place[-1]), _fields_at(model, place[:-1]))}"
+        case "missing":
+            return f"key {key!r} is missing; add it"
+        case "finite_number":
+            return f"{key} = {error['input']} must be a finite number"
+        case "value_error":
+            return f"{key + ': ' if key else ''}{error['ctx']['error']}"
+        case _:
+            return f"{key} = {error['input']!r}: {error['msg'].lower()}"
+
+
+def _fields_at(model: Any, place: tuple[str | int, ...]) -> list[str]:
+    """Field names of the settings model found at `place` below `model`."""
+    for part in place:
+        if isinstance(part, int):
+            continue
+        kind = model.model_fields[part].annotation
+        inner = [a for a in (kind, *getattr(kind, "__args__", ())) if hasattr(a, "model_fields")]
+        if not inner:
+            return []
+        model = inner[0]
+    return list(model.model_fields)

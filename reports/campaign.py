@@ -1,0 +1,152 @@
+"""How a search went: its generations, the work of its stages (table 3), its failures."""
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mfopt.evaluation import Generation
+from reports.rows import Row
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One generation with what its runs gave."""
+
+    generation: Generation
+    best: float  # of the finished runs, nan if there is none
+    median: float
+    filling_time: float  # of the best run [s]
+    runs: int
+    failed: int
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """Consecutive generations with one level, population and objective, or confirmation runs."""
+
+    level: str
+    purpose: str
+    generations: str  # "3 – 17", or empty
+    population_size: int | None
+    runs: int
+    failed: int
+    mean_cpu_s: float
+    std_cpu_s: float
+    cpu_s: float  # of all its runs
+    work: float  # [full-run equivalents]
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """Failed runs that ended alike."""
+
+    status: str
+    why: str
+    levels: str
+    count: int
+
+
+def steps(generations: Sequence[Generation], rows: Sequence[Row]) -> list[Step]:
+    """What each generation gave, in their order."""
+    by_number: dict[int, list[Row]] = {}
+    for row in rows:
+        if row.purpose == "search":
+            by_number.setdefault(row.generation, []).append(row)
+    return [_step(g, by_number.get(g.number, [])) for g in generations]
+
+
+def _step(generation: Generation, rows: Sequence[Row]) -> Step:
+    finished = sorted((r for r in rows if r.finished), key=lambda r: r.value)
+    if not finished:
+        return Step(generation, math.nan, math.nan, math.nan, len(rows), len(rows))
+    return Step(
+        generation,
+        finished[0].value,
+        float(np.median([r.value for r in finished])),
+        finished[0].filling_time,
+        len(rows),
+        len(rows) - len(finished),
+    )
+
+
+def stages(
+    generations: Sequence[Generation], rows: Sequence[Row], full_run_work: float | None
+) -> list[Stage]:
+    """Work and CPU time per stage, then of the confirmation runs, then of all.
+
+    Args:
+        generations: of the run, in order.
+        rows: its evaluations.
+        full_run_work: predicted work of one run of the baseline at the top level.
+    """
+    unit = full_run_work if full_run_work else math.nan
+    search = [r for r in rows if r.purpose == "search"]
+    made = []
+    for group in _alike(generations):
+        numbers = {g.number for g in group}
+        its = [r for r in search if r.generation in numbers]
+        span = _span(group[0].number, group[-1].number)
+        purpose = f"search by {group[0].objective.replace('_', ' ')}"
+        made.append(_stage(group[0].level, purpose, span, group[0].population_size, its, unit))
+    known = {g.number for g in generations}
+    others: dict[tuple[str, str], list[Row]] = {}
+    for row in rows:
+        if row.purpose != "search" or row.generation not in known:
+            others.setdefault((row.level, row.purpose), []).append(row)
+    for (level, purpose), its in others.items():
+        made.append(_stage(level, purpose, "", None, its, unit))
+    if len(made) > 1:
+        made.append(_stage("all", "", "", None, rows, unit))
+    return made
+
+
+def _alike(generations: Sequence[Generation]) -> list[list[Generation]]:
+    groups: list[list[Generation]] = []
+    for g in generations:
+        same = bool(groups) and _kind(groups[-1][-1]) == _kind(g)
+        if same:
+            groups[-1].append(g)
+        else:
+            groups.append([g])
+    return groups
+
+
+def _kind(g: Generation) -> tuple[str, int, str]:
+    return g.level, g.population_size, g.objective
+
+
+def _span(first: int, last: int) -> str:
+    return str(first) if first == last else f"{first} – {last}"
+
+
+def _stage(
+    level: str, purpose: str, span: str, size: int | None, rows: Sequence[Row], unit: float
+) -> Stage:
+    cpu = np.array([r.cpu_s for r in rows])
+    return Stage(
+        level, purpose, span, size, len(rows),
+        sum(not r.finished for r in rows),
+        float(cpu.mean()) if cpu.size else math.nan,
+        float(cpu.std(ddof=1)) if cpu.size > 1 else math.nan,
+        float(cpu.sum()),
+        sum(r.work for r in rows) / unit,
+    )  # fmt: skip
+
+
+def failures(rows: Sequence[Row]) -> list[Failure]:
+    """Failed runs by status and reason, most frequent first."""
+    counts: Counter[tuple[str, str]] = Counter()
+    levels: dict[tuple[str, str], set[str]] = {}
+    for row in rows:
+        if not row.finished:
+            status = "no number" if row.status == "finished" else row.status.replace("_", " ")
+            key = (status, row.why or "the run gave no finite objective")
+            counts[key] += 1
+            levels.setdefault(key, set()).add(row.level)
+    return [
+        Failure(status, why, ", ".join(sorted(levels[status, why])), count)
+        for (status, why), count in counts.most_common()
+    ]

@@ -1,0 +1,285 @@
+"""The figures of a report, as SVG. They only draw; what they show is computed elsewhere.
+
+Colours are Okabe and Ito's (2008); best and baseline also differ in their dashes.
+"""
+
+import io
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mfopt.arrays import AnyArray, Array
+from reports.campaign import Step
+from reports.design import DesignView
+from reports.units import Display
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+BLUE, ORANGE, GREEN, PURPLE, GREY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#595959"
+WIDTH = 7.0  # [inch] text width of A4 with 16 mm margins
+LOG_ABOVE = 12.0  # ratio of largest to smallest value from which a linear axis hides detail
+STYLE = {
+    "font.size": 9.0, "font.family": "sans-serif", "svg.fonttype": "path",
+    "axes.spines.top": False, "axes.spines.right": False, "axes.edgecolor": GREY,
+    "axes.labelcolor": "#222222", "xtick.color": GREY, "ytick.color": GREY,
+    "axes.grid": True, "grid.color": "#e6e6e6", "grid.linewidth": 0.6, "axes.axisbelow": True,
+    "legend.frameon": False, "lines.linewidth": 1.7, "svg.hashsalt": "mfopt",
+    "axes.unicode_minus": True,
+}  # fmt: skip
+LABEL_ROW = 0.075  # height of a row of labels, of the axes' height
+SLENDER = 0.45  # width to height of a picture, up to which four fit side by side
+TALLEST = 7.2  # [inch] height of all pictures of a figure: a page of A4 with its caption
+
+
+def _figure(height: float, panels: int, ratios: Sequence[float]) -> "tuple[Figure, list[Axes]]":
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH, height), layout="constrained")
+    axes = figure.subplots(panels, 1, sharex=True, gridspec_kw={"height_ratios": list(ratios)})
+    return figure, list(np.atleast_1d(axes))
+
+
+def _svg(figure: "Figure") -> str:
+    file = io.StringIO()
+    figure.savefig(file, format="svg", metadata={"Date": None, "Creator": None})
+    text = file.getvalue()
+    return text[text.index("<svg") :]
+
+
+def styled() -> Any:
+    """The context that every figure is drawn in."""
+    import matplotlib
+
+    return matplotlib.rc_context(STYLE)
+
+
+def round_up(value: float) -> float:
+    """The next number 1, 2, 3, 4, 5, 6, 8 or 10 times a power of ten."""
+    if not value > 0.0:
+        return 1.0
+    power = 10.0 ** math.floor(math.log10(value))
+    return next(s * power for s in (1, 2, 3, 4, 5, 6, 8, 10, 20) if s * power >= value * 0.999)
+
+
+def speed_colours(speeds: Array, top_speed: float) -> Array:
+    """Colours (n, 3) of speeds (n,) [m/s]; nan gives some colour."""
+    from matplotlib import colormaps
+
+    return np.asarray(colormaps["viridis"](np.nan_to_num(speeds) / top_speed)[:, :3])
+
+
+def progress(steps: Sequence[Step], shown: Display, name: str, bound_s: float | None) -> str:
+    """Best and median of each generation; levels, restarts and failed runs marked."""
+    with styled():
+        filling = np.array([s.filling_time for s in steps]) * 1e3
+        two = bool(np.isfinite(filling).any())
+        figure, axes = _figure(4.6 if two else 3.4, 1 + two, [1.7, 1.0][: 1 + two])
+        number = np.array([s.generation.number for s in steps])
+        best = np.array([s.best for s in steps]) * shown.factor
+        median = np.array([s.median for s in steps]) * shown.factor
+        axes[0].plot(number, median, color=GREY, lw=1.0, ls="--", marker="o", ms=2.5,
+                     mfc="white", label="median of the generation")  # fmt: skip
+        axes[0].plot(number, best, color=BLUE, marker="o", ms=3.5, label="best of the generation")
+        _scale(axes[0], np.concatenate((best, median)))
+        axes[0].set_ylabel(f"{name} {shown.bracket}")
+        if two:
+            axes[1].plot(number, filling, color=BLUE, marker="o", ms=3.0)
+            _scale(axes[1], filling)
+            axes[1].set_ylabel("filling time\nof the best [ms]")
+            if bound_s is not None:
+                axes[1].axhline(bound_s * 1e3, color=GREEN, ls=":", label="physical lower bound")
+                axes[1].legend(loc="best", fontsize=8)
+        axes[0].margins(y=0.16)  # room for the marks of failed runs and restarts
+        _failed(axes[0], steps)
+        axes[0].legend(loc="upper right", fontsize=8, bbox_to_anchor=(1.0, 0.93))
+        axes[-1].set_xlabel("generation [–]")
+        axes[-1].xaxis.get_major_locator().set_params(integer=True)  # type: ignore[attr-defined]
+        axes[-1].set_xlim(number[0] - 0.7, number[-1] + 0.7)
+        _bands(axes, steps)
+        _restarts(axes, steps)
+        return _svg(figure)
+
+
+def _scale(axis: "Axes", values: Array) -> None:
+    finite = values[np.isfinite(values)]
+    if finite.size and finite.min() > 0.0 and finite.max() > LOG_ABOVE * finite.min():
+        axis.set_yscale("log")
+        plain = finite.max() < 1e5 and finite.min() > 1e-3
+        if plain:
+            from matplotlib.ticker import FuncFormatter
+
+            axis.yaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
+
+
+def _failed(axis: "Axes", steps: Sequence[Step]) -> None:
+    """Generations with failed runs: a cross with their number along the lower edge."""
+    its = [s for s in steps if s.failed]
+    if not its:
+        return
+    edge = axis.get_xaxis_transform()
+    axis.plot([s.generation.number for s in its], [0.035] * len(its), "x", color=ORANGE, ms=5,
+              mew=1.4, transform=edge, clip_on=False, label="failed runs, with their number")  # fmt: skip
+    for s in its:
+        axis.text(s.generation.number, 0.075, str(s.failed), color=ORANGE, fontsize=7,
+                  ha="center", va="bottom", transform=edge)  # fmt: skip
+
+
+def bands(steps: Sequence[Step]) -> list[tuple[str, int, int]]:
+    """Stretches of generations on one level: its name, first and last number."""
+    made: list[tuple[str, int, int]] = []
+    for s in steps:
+        g = s.generation
+        if made and made[-1][0] == g.level:
+            made[-1] = (g.level, made[-1][1], g.number)
+        else:
+            made.append((g.level, g.number, g.number))
+    return made
+
+
+def _bands(axes: "Sequence[Axes]", steps: Sequence[Step]) -> None:
+    low, high = axes[0].get_xlim()
+    stretches = bands(steps)
+    lefts = [first - 0.5 for _, first, _ in stretches]
+    names = [name for name, _, _ in stretches]
+    rows = label_rows([(x - low) / (high - low) for x in lefts], names)
+    for i, (name, first, last) in enumerate(stretches):
+        for axis in axes:
+            axis.axvspan(first - 0.5, last + 0.5, color="#eef3f7" if i % 2 else "#f8f8f5", zorder=0)
+        axes[0].annotate(
+            name, (first - 0.5, 1.0 + LABEL_ROW * rows[i]), xycoords=("data", "axes fraction"),
+            xytext=(2, 3), textcoords="offset points", fontsize=8, color="#333333",
+            annotation_clip=False,
+        )  # fmt: skip
+
+
+def restarts(steps: Sequence[Step]) -> list[tuple[int, str]]:
+    """Generation and reason of each restart that is no change of level."""
+    levels = {first for _, first, _ in bands(steps)}
+    return [
+        (s.generation.number, s.generation.why)
+        for s in steps
+        if s.generation.why and s.generation.number not in levels
+    ]
+
+
+def _restarts(axes: "Sequence[Axes]", steps: Sequence[Step]) -> None:
+    low, high = axes[0].get_xlim()
+    made = restarts(steps)
+    names = [f"R{i}" for i in range(1, len(made) + 1)]
+    rows = label_rows([(n - 0.5 - low) / (high - low) for n, _ in made], names)
+    for (number, _), name, row in zip(made, names, rows, strict=True):
+        for axis in axes:
+            axis.axvline(number - 0.5, color=PURPLE, lw=1.0, ls=(0, (4, 2)))
+        axes[0].text(number - 0.45, 0.99 - LABEL_ROW * row, name, color=PURPLE, fontsize=8,
+                     va="top", weight="bold", transform=axes[0].get_xaxis_transform())  # fmt: skip
+
+
+def label_rows(lefts: Sequence[float], labels: Sequence[str]) -> list[int]:
+    """Row of each label so that none lies on another; `lefts` as shares of the width, rising."""
+    per_letter = 0.011  # share of the width that a letter of 8 points takes
+    ends: list[float] = []
+    rows = []
+    for left, label in zip(lefts, labels, strict=True):
+        row = next((i for i, end in enumerate(ends) if left >= end), len(ends))
+        ends[row : row + 1] = [left + per_letter * (len(label) + 1)]
+        rows.append(row)
+    return rows
+
+
+def motion(best: DesignView, baseline: DesignView | None) -> str:
+    """Position and velocity of the cup over time, on aligned panels."""
+    with styled():
+        figure, axes = _figure(4.2, 2, [1.25, 1.0])
+        lines = [(best, "best", BLUE, "-"), (baseline, "baseline", ORANGE, "--")]
+        for view, label, colour, dashes in lines:
+            if view is not None and len(view.motion_times):
+                t = view.motion_times * 1e3
+                axes[0].plot(t, view.cup_positions * 1e3, color=colour, ls=dashes, label=label)
+                axes[1].plot(t, view.cup_velocities, color=colour, ls=dashes, label=label)
+        for name, (time, position) in best.motion_points.items():
+            axes[0].plot(time * 1e3, position * 1e3, "o", color=BLUE, mfc="white", ms=6, zorder=5)
+            axes[0].annotate(name, (time * 1e3, position * 1e3), xytext=(7, -11),
+                             textcoords="offset points", color=BLUE,
+                             bbox={"fc": "white", "ec": "none", "pad": 0.8})  # fmt: skip
+            for axis in axes:
+                axis.axvline(time * 1e3, color=BLUE, lw=0.7, ls=":")
+        axes[1].axhline(0.0, color=GREY, lw=0.7)
+        axes[0].set_ylabel("cup position [mm]")
+        axes[1].set_ylabel("cup velocity [m/s]")
+        axes[1].set_xlabel("time since the start of the cycle [ms]")
+        axes[0].legend(loc="upper left")
+        axes[1].margins(x=0.01)
+        return _svg(figure)
+
+
+def passages(best: Sequence[Array], baseline: Sequence[Array]) -> str:
+    """Share of grains that have passed, and their rate, pooled over the runs of each design."""
+    with styled():
+        figure, axes = _figure(4.2, 2, [1.0, 1.1])
+        longest = max(float(t.max()) for t in (*best, *baseline)) * 1e3
+        first = min(float(t.min()) for t in (*best, *baseline)) * 1e3
+        edges = np.linspace(first, longest, 41)
+        its = [(best, "best", BLUE, "-"), (baseline, "baseline", ORANGE, "--")]
+        for runs, label, colour, dashes in its:
+            if not runs:
+                continue
+            pooled = np.sort(np.concatenate(runs)) * 1e3
+            count = np.histogram(pooled, edges)[0] / len(runs)
+            rate = count / np.diff(edges) * 1e3
+            share = np.linspace(0.0, 1.0, 201)
+            axes[0].plot(np.quantile(pooled, share), share * 100, color=colour, ls=dashes,
+                         label=f"{label} ({len(runs)} run{'s' * (len(runs) > 1)})")  # fmt: skip
+            axes[1].stairs(rate, edges, color=colour, ls=dashes, lw=1.5, label=label)
+            if dashes == "-":
+                axes[1].stairs(rate, edges, color=colour, fill=True, alpha=0.12)
+        axes[0].set_ylabel("grains passed [%]")
+        axes[1].set_ylabel("rate [grains/s]")
+        axes[1].set_xlabel("time since the start of the cycle [ms]")
+        axes[0].legend(loc="lower right")
+        axes[1].set_ylim(bottom=0.0)
+        return _svg(figure)
+
+
+def snapshots(
+    times: Array,
+    pixels: Sequence[AnyArray],
+    cuts: Sequence[Array],
+    extent: tuple[float, float, float, float],
+    top_speed: float,
+) -> str:
+    """Pictures of the grains side by side with the walls' cuts, axes and one colour bar."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.collections import LineCollection
+    from matplotlib.colors import Normalize
+    from matplotlib.figure import Figure
+
+    with styled():
+        mm = [1e3 * e for e in extent]
+        aspect = (mm[1] - mm[0]) / (mm[3] - mm[2])
+        columns = len(times) if aspect < SLENDER else math.ceil(len(times) / 2)
+        rows = math.ceil(len(times) / columns)
+        width = min(WIDTH, columns * aspect * TALLEST / rows / 0.8)
+        height = min(TALLEST, rows * 0.8 * width / columns / aspect) + 0.3 * rows + 0.3
+        figure = Figure(figsize=(width, height), layout="constrained")
+        panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+        for axis in panels.flat[len(times) :]:
+            axis.axis("off")
+        for axis, time, image, lines in zip(panels.flat, times, pixels, cuts, strict=False):
+            axis.imshow(image, extent=tuple(mm), interpolation="antialiased")
+            axis.add_collection(LineCollection(list(lines * 1e3), colors="#222222", lw=0.9))
+            axis.set_title(f"{time * 1e3:.0f} ms", fontsize=9, weight="bold")
+            axis.grid(False)
+            axis.set_xlim(mm[0], mm[1])
+            axis.set_ylim(mm[2], mm[3])
+        for axis in panels[-1]:
+            axis.set_xlabel("x [mm]")
+        for axis in panels[:, 0]:
+            axis.set_ylabel("z [mm]")
+        bar = ScalarMappable(Normalize(0.0, top_speed), "viridis")
+        figure.colorbar(bar, ax=panels, label="speed of the grain [m/s]", extend="max",
+                        fraction=0.04, pad=0.02, aspect=35)  # fmt: skip
+        return _svg(figure)

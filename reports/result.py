@@ -1,0 +1,104 @@
+"""The result of a run: its best design, and what fresh seeds say about it."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mfopt.arrays import Array
+from reports.rows import Row
+from reports.statistics import Comparison
+
+SOLUTIONS = 6  # as many as fit a page's width beside bounds and baseline
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Result:
+    """The best design so far and how it was confirmed."""
+
+    found: Row  # the run of the search that found it, or its first confirmation
+    confirmations: tuple[Row, ...]  # runs of it with fresh seeds
+    baseline: tuple[Row, ...]  # runs of the baseline with fresh seeds
+    objective: Comparison | None  # over the seeds that both were run with
+    filling_time: Comparison | None  # [s]
+
+    @property
+    def x(self) -> Array:
+        """The best design (d,), physical units."""
+        return self.found.x
+
+    @property
+    def typical(self) -> Row:
+        """Its run with the median objective over fresh seeds, or the one that found it."""
+        ranked = sorted(self.confirmations, key=lambda r: r.value)
+        return ranked[(len(ranked) - 1) // 2] if ranked else self.found
+
+
+def result(rows: Sequence[Row], levels: Sequence[str]) -> Result | None:
+    """The confirmed best design, else the best of the finest level reached; None without one.
+
+    Args:
+        rows: the evaluations of a run.
+        levels: names of its levels, coarse to fine.
+    """
+    confirmed = [r for r in rows if r.purpose == "confirm best"]
+    baseline = tuple(r for r in rows if r.purpose == "confirm baseline")
+    if not confirmed:
+        found = solutions(rows, levels, 1)
+        return Result(found[0], (), baseline, None, None) if found else None
+    its = tuple(r for r in confirmed if np.array_equal(r.x, confirmed[-1].x))
+    search = (r for r in rows if r.purpose == "search" and np.array_equal(r.x, its[0].x))
+    return Result(
+        next(search, its[0]),
+        its,
+        baseline,
+        compare(its, baseline, lambda r: r.value),
+        compare(its, baseline, _filling_time),
+    )
+
+
+def _filling_time(row: Row) -> float:
+    return row.filling_time if row.finished else math.inf
+
+
+def compare(
+    best: Sequence[Row], baseline: Sequence[Row], quantity: Callable[[Row], float]
+) -> Comparison | None:
+    """Pair the runs of two designs by seed; None without a pair or where it does not apply."""
+    of_best = {r.seed: quantity(r) for r in best}
+    of_baseline = {r.seed: quantity(r) for r in baseline}
+    seeds = tuple(sorted(of_best.keys() & of_baseline.keys()))
+    pairs = np.array([(of_best[s], of_baseline[s]) for s in seeds])
+    if not seeds or np.isnan(pairs).any() or not np.isfinite(pairs).any():
+        return None
+    return Comparison(seeds, pairs[:, 0], pairs[:, 1])
+
+
+def solutions(rows: Sequence[Row], levels: Sequence[str], count: int = SOLUTIONS) -> list[Row]:
+    """The best different designs of the search: finest level first, then by objective.
+
+    Values of different levels do not compare, so a coarser level only fills up what the
+    finer ones leave free.
+    """
+    fineness = {name: i for i, name in enumerate(levels)}
+    finished = [r for r in rows if r.purpose == "search" and r.finished]
+    chosen: dict[bytes, Row] = {}
+    for row in sorted(finished, key=lambda r: (-fineness.get(r.level, -1), r.value)):
+        chosen.setdefault(row.x.tobytes(), row)
+        if len(chosen) == count:
+            break
+    return list(chosen.values())
+
+
+def best_at(rows: Sequence[Row], level: str) -> Row | None:
+    """The best finished run of the search at one level."""
+    its = [r for r in rows if r.purpose == "search" and r.level == level and r.finished]
+    return min(its, key=lambda r: r.value, default=None)
+
+
+def typical_first(rows: Sequence[Row]) -> Row | None:
+    """The run of the first generation whose objective is the median of that generation."""
+    first = min((r.generation for r in rows if r.purpose == "search"), default=None)
+    its = [r for r in rows if r.purpose == "search" and r.generation == first]
+    return sorted(its, key=lambda r: r.value)[len(its) // 2] if its else None

@@ -1,0 +1,77 @@
+"""The result in one sentence, and what must be said about how far the run has come."""
+
+import math
+from collections.abc import Sequence
+
+from reports.result import Result
+from reports.rows import Row
+from reports.statistics import Comparison, Interval
+from reports.units import Display, display, number
+
+
+def state(end: str | None, rows: Sequence[Row]) -> str | None:
+    """What a reader must know first about a run that has not ended; None once it has."""
+    if end is not None:
+        return None
+    made = f"{len(rows)} run{'s' * (len(rows) != 1)} made so far" if rows else "no run made so far"
+    return f"This run has not ended: it is still running, or it broke off ({made})."
+
+
+def sentence(result: Result | None, rows: Sequence[Row], name: str, shown: Display) -> str:
+    """The result in one sentence.
+
+    Args:
+        result: best design and its confirmation.
+        rows: all evaluations.
+        name: of the objective, in words.
+        shown: how its values are shown.
+    """
+    if result is None:
+        return "No run has finished yet, so there is no result." if rows else "Nothing has run yet."
+    if result.objective is None or not math.isfinite(result.objective.median_best):
+        return _unconfirmed(result, name, shown)
+    its = result.objective
+    text = (
+        f"The best design has a median {name} of {shown.full(its.median_best)} over "
+        f"{len(its.seeds)} fresh seeds, {against(its, shown)}"
+    )
+    filling = result.filling_time
+    if filling is not None and math.isfinite(filling.median_best):
+        ms = display("s", filling.best)
+        text += f"; its filling time is {ms.full(filling.median_best, 3)}"
+        if math.isfinite(filling.median_baseline):
+            text += f" instead of {ms.full(filling.median_baseline, 3)}"
+    return text + "."
+
+
+def _unconfirmed(result: Result, name: str, shown: Display) -> str:
+    row = result.found
+    text = f"The best design so far has a {name} of {shown.full(row.value)} in one run"
+    if math.isfinite(row.filling_time):
+        text += f" and a filling time of {display('s', row.filling_time).full(row.filling_time, 3)}"
+    return text + f" at level {row.level}; fresh seeds have not confirmed it."
+
+
+def against(comparison: Comparison, shown: Display) -> str:
+    """How the best design's median stands to the baseline's."""
+    base, reduction = shown.full(comparison.median_baseline), comparison.reduction
+    if reduction is None:
+        return f"against {base} of the baseline"
+    way = "below" if reduction >= 0.0 else "above"
+    return f"{number(abs(reduction), 3)}\u202f% {way} the baseline's {base}"
+
+
+def interval_text(interval: Interval | None, shown: Display, significant: int = 4) -> str:
+    """An interval with its coverage in words."""
+    if interval is None:
+        return "one seed gives no interval"
+    low, high = (shown.text(v, significant) for v in (interval.low, interval.high))
+    return f"{low} to {shown.full(interval.high, significant) if high != 'failed' else high}"
+
+
+def at_bounds(share: float) -> str:
+    """Whether a variable at this share of its range sits at a bound: then widen it."""
+    margin = 0.01  # of the range; a search rarely ends exactly on a bound
+    if share < margin:
+        return "at its lower bound"
+    return "at its upper bound" if share > 1.0 - margin else ""

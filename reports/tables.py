@@ -1,0 +1,148 @@
+"""The tables of a report, as text ready to be set."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mfopt.arrays import Array
+from reports.campaign import Stage
+from reports.result import Result
+from reports.rows import Row
+from reports.sentence import at_bounds, interval_text
+from reports.statistics import Comparison, median_interval
+from reports.units import MISSING, Display, display, number
+
+PERCENT = Display(1.0, "%")
+
+
+@dataclass(frozen=True, slots=True)
+class VariableLine:
+    """A variable with its bounds, and where baseline and best lie between them."""
+
+    name: str
+    unit: str
+    lower: str
+    upper: str
+    baseline: str
+    best: str
+    baseline_share: float  # 0 at the lower, 1 at the upper bound
+    best_share: float | None
+    remark: str
+
+
+def variable_displays(variables: Sequence[Mapping[str, Any]]) -> list[Display]:
+    """How the values of each variable are shown."""
+    return [display(v["unit"], [v["lower"], v["upper"]]) for v in variables]
+
+
+def variables(header: Mapping[str, Any], best: Array | None) -> list[VariableLine]:
+    """The design variables, one line each."""
+    lines = []
+    shown = variable_displays(header["variables"])
+    for i, (v, d) in enumerate(zip(header["variables"], shown, strict=True)):
+        width = v["upper"] - v["lower"]
+        share = None if best is None else (float(best[i]) - v["lower"]) / width
+        lines.append(
+            VariableLine(
+                v["name"], d.unit, d.text(v["lower"]), d.text(v["upper"]),
+                d.text(header["baseline"][i]),
+                MISSING if best is None else d.text(float(best[i])),
+                (header["baseline"][i] - v["lower"]) / width, share,
+                "" if share is None else at_bounds(share),
+            )
+        )  # fmt: skip
+    return lines
+
+
+def ladder(header: Mapping[str, Any]) -> list[list[str]]:
+    """Name, engine, grains, spheres per grain, work of one run, and the same in full runs."""
+    top = header["levels"][-1]["work"] if header["levels"] else None
+    return [
+        [
+            level["name"], level["engine"], _whole(level["grains"]),
+            _whole(level["spheres_per_grain"]), number(level["work"], 3),
+            number(level["work"] / top, 3) if top else MISSING,
+        ]
+        for level in header["levels"]
+    ]  # fmt: skip
+
+
+def _whole(value: float | None) -> str:
+    return MISSING if value is None or value != value else f"{value:.0f}"
+
+
+def comparison_lines(result: Result, name: str, shown: Display) -> list[list[str]]:
+    """Quantity, best, baseline and reduction, each with its interval, for what was confirmed."""
+    lines = []
+    if result.objective is not None:
+        lines.append(_comparison(f"{name} [{shown.unit}]", result.objective, shown))
+    if result.filling_time is not None:
+        ms = display("s", result.filling_time.best)
+        lines.append(_comparison(f"filling time [{ms.unit}]", result.filling_time, ms))
+    return lines
+
+
+def _comparison(label: str, its: Comparison, shown: Display) -> list[str]:
+    plain = Display(shown.factor, MISSING)
+    return [
+        label,
+        shown.text(its.median_best), interval_text(median_interval(its.best), plain),
+        shown.text(its.median_baseline), interval_text(median_interval(its.baseline), plain),
+        MISSING if its.reduction is None else PERCENT.full(its.reduction, 3),
+        MISSING if its.reduction_interval is None
+        else interval_text(its.reduction_interval, PERCENT, 3),
+    ]  # fmt: skip
+
+
+def confirmations(result: Result, shown: Display) -> list[list[str]]:
+    """Seed by seed: objective, filling time [ms], and grains left, of best and of baseline."""
+    best = {r.seed: r for r in result.confirmations}
+    baseline = {r.seed: r for r in result.baseline}
+    return [
+        [str(seed), *_run(best.get(seed), shown), *_run(baseline.get(seed), shown)]
+        for seed in sorted(best.keys() | baseline.keys())
+    ]
+
+
+def _run(row: Row | None, shown: Display) -> list[str]:
+    if row is None:
+        return [MISSING] * 3
+    left = row.left_in_cup + row.left_in_hopper
+    return [shown.text(row.value), number(row.filling_time * 1e3, 3), _whole(left)]
+
+
+def best_solutions(
+    header: Mapping[str, Any], rows: Sequence[Row], shown: Display
+) -> list[tuple[str, str, list[str]]]:
+    """Name, unit and one value per solution: its results first, then its variables."""
+    lines = [
+        (str(header["objective"]).replace("_", " "), shown.unit, [shown.text(r.value) for r in rows]),
+        ("filling time", "ms", [number(r.filling_time * 1e3, 3) for r in rows]),
+        ("grains left", MISSING, [_whole(r.left_in_cup + r.left_in_hopper) for r in rows]),
+        ("level", "", [r.level for r in rows]),
+        ("generation", "", [str(r.generation) for r in rows]),
+    ]  # fmt: skip
+    lines = [line for line in lines if any(value != MISSING for value in line[2])]
+    displays = variable_displays(header["variables"])
+    for i, (v, d) in enumerate(zip(header["variables"], displays, strict=True)):
+        lines.append((v["name"], d.unit, [d.text(float(r.x[i])) for r in rows]))
+    return lines
+
+
+def work(stages: Sequence[Stage]) -> list[list[str]]:
+    """The paper's table 3: what each stage of the search cost."""
+    return [
+        [
+            s.level, s.purpose, s.generations or MISSING, _whole(s.population_size), str(s.runs),
+            str(s.failed), _mean_and_spread(s), number(s.cpu_s / 3600.0, 3), number(s.work, 3),
+        ]
+        for s in stages
+    ]  # fmt: skip
+
+
+def _mean_and_spread(stage: Stage) -> str:
+    if np.isnan(stage.std_cpu_s):
+        return number(stage.mean_cpu_s, 3)
+    return f"{number(stage.mean_cpu_s, 3)} ({number(stage.std_cpu_s, 2)})"

@@ -1,0 +1,60 @@
+import math
+
+import pytest
+from pydantic import ValidationError
+
+from fidelity.settings import PARAMETERS, DemSettings, DosingSettings
+
+
+def test_defaults_are_the_thirteen_variables() -> None:
+    settings = DosingSettings()
+    assert tuple(settings.free) == tuple("l1 w1 r1 s1 l2 w2 r2 s2 x1 y1 x2 y2 v".split())
+    assert set(settings.all_values()) == set(PARAMETERS)
+
+
+def test_sections_lie_on_the_straight_line_unless_given() -> None:
+    values = DosingSettings(values={"l3": 124.0, "w2": 80.0}).all_values()
+    assert values["l1"] == pytest.approx(150 - 26 * 80 / 260)
+    assert values["l2"] == pytest.approx(150 - 26 * 180 / 260)
+    assert values["w2"] == 80.0
+
+
+def test_materials_are_those_of_table_1() -> None:
+    settings = DosingSettings()
+    rice, steel = settings.grain.material(), settings.wall.material()
+    assert (rice.young_modulus, rice.poisson_ratio, rice.density) == (1e8, 0.2, 1592.67)
+    assert (steel.young_modulus, steel.poisson_ratio) == (2e11, 0.33)
+    assert math.degrees(rice.friction_angle) == pytest.approx(43)
+    assert math.degrees(steel.friction_angle) == pytest.approx(25)
+    assert settings.grain.material(1e6).young_modulus == 1e6
+
+
+def test_settings_survive_a_round_trip() -> None:
+    settings = DosingSettings(free={"l0": (140, 160), "v": (0.5, 2)}, values={"l0": 145})
+    assert DosingSettings.model_validate_json(settings.model_dump_json()) == settings
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"free": {"l9": (1, 2)}}, "unknown design parameter 'l9'; did you mean 'l"),
+        ({"values": {"vv": 1.0}}, "did you mean 'v'"),
+        ({"free": {}}, "at least 1 item"),
+        ({"stroke": 400}, "Extra inputs"),
+        ({"stroke_mm": "wide"}, "valid number"),
+        ({"stroke_mm": math.nan}, "finite"),
+        ({"stroke_mm": -1}, "greater than 0"),
+        ({"duration_ms": 500}, "lengthen the run"),
+        ({"tube_end_z_mm": -200}, "lower it"),
+        ({"grain_width_mm": 8}, "exchange them"),
+        ({"free": {"l1": (80, math.inf)}}, "finite"),
+    ],
+)
+def test_wrong_settings_are_named(given: dict[str, object], message: str) -> None:
+    with pytest.raises(ValidationError, match=message):
+        DosingSettings.model_validate(given)
+
+
+def test_a_level_needs_grains() -> None:
+    with pytest.raises(ValidationError, match="grains"):
+        DemSettings.model_validate({"spheres_per_grain": 5})

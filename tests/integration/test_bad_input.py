@@ -1,0 +1,146 @@
+"""Bad input: one clear message, exit code 2, nothing written over."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from campaigns import STUDY
+
+GOOD = STUDY.format(engine='"bullet"')
+
+
+def mfopt(*arguments: str | Path, **environment: str) -> "subprocess.CompletedProcess[str]":
+    return subprocess.run(
+        [sys.executable, "-m", "mfopt", *map(str, arguments)],
+        capture_output=True, text=True, check=False, env={**os.environ, **environment},
+    )  # fmt: skip
+
+
+def refused(done: "subprocess.CompletedProcess[str]") -> str:
+    """The message of a refusal; it must be one, and the exit code 2."""
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert done.stderr.count("error:") == 1
+    assert "Traceback" not in done.stderr
+    return done.stderr
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("seed = 3", 'seed = "3"', r"study\.seed = '3'"),
+        ("seed = 3", "seed = nan", r"study\.seed = nan"),
+        ("grains = 40", "grains = 40.5", r"grains = 40\.5"),
+        ("grains = 40", "grains = -1", r"grains = -1.*greater than or equal to 1"),
+        ("grains = 40", "graims = 40", r"unknown key 'graims'; did you mean 'grains'\?"),
+        ("grains = 40", "", r"key 'grains' is missing"),
+        ("[confirm]\nseeds", "[confirm]\nsedes", r"unknown key 'confirm\.sedes'.*'seeds'"),
+        ('objective = "dispersion"', "", r"key 'problem\.objective' is missing"),
+        ('objective = "dispersion"', 'objective = "speed"', r"unknown objective 'speed'"),
+        ('engine = "bullet"', 'engine = "blender"', r"engine = 'blender' must be one of"),
+        ('level = "dem-40"', 'level = "dem-41"', r"'dem-41'.*did you mean 'dem-40'"),
+        ('name = "dem-40"', 'name = "reduced"', r"'dem-40'|'reduced' occurs more than once"),
+        ("population_size = 4", "population_size = 2", r"population_size = 2"),
+        ("seed = 3", "seed = ", r"not valid TOML"),
+        (
+            "[[level]]\nname = \"reduced\"",
+            '[problem.dosing.free]\nl1 = [180, 80]\n[[level]]\nname = "reduced"',
+            r"l1.*lower bound 180 must be below upper bound 80",
+        ),
+        (
+            "[[level]]\nname = \"reduced\"",
+            '[problem.dosing.free]\nl1 = [80, nan]\n[[level]]\nname = "reduced"',
+            r"l1.* finite",
+        ),
+        (
+            "[[level]]\nname = \"reduced\"",
+            '[problem.dosing]\nstroke_mm = "long"\n[[level]]\nname = "reduced"',
+            r"stroke_mm = 'long'",
+        ),
+        (
+            "[[level]]\nname = \"reduced\"",
+            '[problem.dosing.cup]\nlenght_mm = 3\n[[level]]\nname = "reduced"',
+            r"unknown key 'cup\.lenght_mm'; did you mean 'length_mm'",
+        ),
+    ],
+)  # fmt: skip
+def test_wrong_study_is_refused_before_anything_is_written(
+    old: str, new: str, message: str, tmp_path: Path
+) -> None:
+    assert old in GOOD
+    study = tmp_path / "study.toml"
+    study.write_text(GOOD.replace(old, new, 1))
+    said = refused(mfopt("run", study, "--directory", tmp_path / "run"))
+    assert re.search(message, said), said
+    assert not (tmp_path / "run").exists()
+
+
+def test_empty_ladder(tmp_path: Path) -> None:
+    study = tmp_path / "study.toml"
+    head = GOOD[: GOOD.index("[[level]]")]
+    study.write_text("level = []\n" + head + "[search]\nstage = []\n")
+    assert "ladder is empty" in refused(mfopt("run", study, "-d", tmp_path / "run"))
+
+
+def test_missing_and_unreadable_study(tmp_path: Path) -> None:
+    assert "does not exist" in refused(mfopt("run", tmp_path / "none.toml"))
+    assert "cannot read" in refused(mfopt("run", tmp_path))
+    (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
+    assert "cannot read" in refused(mfopt("run", tmp_path / "binary.toml"))
+
+
+def test_missing_yade_is_named_with_the_remedy(tmp_path: Path) -> None:
+    study = tmp_path / "study.toml"
+    study.write_text(GOOD.replace('"bullet"', '"yade"'))
+    said = refused(mfopt("run", study, "-d", tmp_path / "run", PATH=str(tmp_path)))
+    assert "apt-get install yade" in said
+    assert not (tmp_path / "run").exists()
+
+
+def test_run_directory_is_not_written_over(tmp_path: Path) -> None:
+    study, run = tmp_path / "study.toml", tmp_path / "run"
+    study.write_text(GOOD)
+    run.mkdir()
+    (run / "run.json").write_text('{"format": 1}')
+    assert "--resume" in refused(mfopt("run", study, "-d", run))
+    (run / "run.json").write_text('{"format": 0}')
+    assert "format 0" in refused(mfopt("run", study, "-d", run, "--resume"))
+    assert json.loads((run / "run.json").read_text()) == {"format": 0}
+    assert "format 0" in refused(mfopt("status", run))
+
+
+def test_resume_with_another_study_or_version_is_refused(tmp_path: Path) -> None:
+    from mfopt.store import create
+
+    study, run = tmp_path / "study.toml", tmp_path / "run"
+    study.write_text(GOOD)
+    create(run, GOOD + "\n# changed", {"mfopt_version": "0.0.0", "versions": {}, "levels": []})
+    assert "another study" in refused(mfopt("run", study, "-d", run, "--resume"))
+    (run / "study.toml").write_text(GOOD)
+    assert "another mfopt_version: 0.0.0" in refused(mfopt("run", study, "-d", run, "--resume"))
+
+
+def test_no_disk_space_is_refused_at_the_start(tmp_path: Path) -> None:
+    small = tmp_path / "small"
+    small.mkdir()
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", str(small)],
+        capture_output=True, check=False,
+    )  # fmt: skip
+    if mounted.returncode != 0:
+        pytest.skip("needs the right to mount a small file system")
+    try:
+        study = tmp_path / "study.toml"
+        study.write_text(GOOD)
+        said = refused(mfopt("run", study, "-d", small / "run"))
+        assert "MB of disk are free" in said
+        assert not (small / "run").exists()
+    finally:
+        subprocess.run(["umount", str(small)], check=True)
+
+
+def test_status_of_what_is_no_run(tmp_path: Path) -> None:
+    assert "not a run directory" in refused(mfopt("status", tmp_path))
