@@ -25,13 +25,13 @@ class BulletEngine:
 
     # Shortened where a grain would fall half its radius in a step (bullet_script.safe_timestep).
     timestep: float = 1e-3  # [s]
-    iterations: int = 20  # of the contact solver, per step
+    iterations: int = 10  # of the contact solver, per step
 
     def __post_init__(self) -> None:
         if not self.timestep > 0.0:
             raise ConfigError(f"timestep = {self.timestep:g} s must be positive; 0.001 is usual")
         if self.iterations < 1:
-            raise ConfigError(f"iterations = {self.iterations} must be at least 1; 20 is usual")
+            raise ConfigError(f"iterations = {self.iterations} must be at least 1; 10 is usual")
 
     @property
     def name(self) -> str:
@@ -66,10 +66,12 @@ class BulletEngine:
                 time_limit_s=time_limit_s,
             )
             movement = read_movement(directory, cpu_s=ended.cpu_s)
-        if movement is not None and ended.returncode == 0:
-            return movement
         if ended.timed_out:
-            why = f"bullet was still running at the time limit of {time_limit_s:g} s"
+            why = f"not ready within the time limit of {time_limit_s:g} s"
             return failed_movement(setup, "timed_out", why, cpu_s=ended.cpu_s)
-        why = f"bullet ended with status {ended.returncode}: {ended.last_lines}"
-        return failed_movement(setup, "crashed", why, cpu_s=ended.cpu_s)
+        if ended.returncode != 0 or movement is None:
+            why = f"Bullet ended with {ended.returncode}; last lines of its log:"
+            return failed_movement(
+                setup, "crashed", f"{why}\n{ended.last_lines}", cpu_s=ended.cpu_s
+            )
+        return movement

@@ -15,9 +15,9 @@ import numpy as np
 from fidelity.bullet_world import (
     World,
     build,
-    deepest_overlap,
     place_walls,
     read_heights,
+    read_overlaps,
     read_poses,
     read_velocities,
 )
@@ -27,14 +27,17 @@ from mfopt.arrays import Array
 
 CHECK_EVERY = 20  # [steps] energy, overlap, rest: reading all contacts costs as much as a step
 
-# [smallest radius] Rigid grains overlap by 0.1 to 0.3 in flow; beyond 1 a sphere's centre is
-# through the surface.
+# [smallest radius] Rigid grains overlap by 0.1 to 0.5 in flow; a few that a moving wall pinches
+# against a fixed edge are squeezed deeper, for nothing breaks. Too many mean a broken run.
 OVERLAP_LIMIT = 1.0
+DEEP_SHARE = 0.05  # of the grains may overlap deeper than that
 
 # Kinetic energy may exceed what gravity and walls gave by this factor.
 ENERGY_MARGIN = 1.5
 
-REST_SPEED = 0.05  # of sqrt(g r_min): root mean square speed of a pile that is at rest
+# Root mean square speed of a pile at rest, in units of sqrt(g r_min); never below what gravity
+# adds in one step, which the solver does not resolve.
+REST_SPEED = 0.1
 REST_TIME = 0.1  # [s] that it must last
 
 
@@ -73,11 +76,11 @@ def move(setup: Setup, *, timestep: float, iterations: int) -> Movement:
     for step in range(1, math.ceil(setup.duration / dt - 1e-9) + 1):
         _advance(p, world, setup, run, (step - 1) * dt, dt)
         if step % CHECK_EVERY == 0:
-            why = _trouble(p, setup, run, step * dt)
+            why = _trouble(p, setup, run, step * dt, dt)
         _take_snapshots(p, setup, run, step * dt)
         if why is not None or _ends_early(setup, run, step * dt):
             break
-    why = why or _trouble(p, setup, run, step * dt)
+    why = why or _trouble(p, setup, run, step * dt, dt)
     p.disconnect(world.client)
     return _movement(setup, run, why, step, dt)
 
@@ -145,18 +148,18 @@ def _keep_state(p: Any, run: _Run) -> None:
     run.velocities[run.live], _ = read_velocities(p, run.bodies)
 
 
-def _trouble(p: Any, setup: Setup, run: _Run, time: float) -> str | None:
+def _trouble(p: Any, setup: Setup, run: _Run, time: float, dt: float) -> str | None:
     """Why the run is not to be believed, or None. Also keeps energy, overlap and rest."""
     _keep_state(p, run)
     if not np.all(np.isfinite(run.positions)):
         return f"the position of a grain is not a number at {time:.4f} s; shorten timestep"
     energy = kinetic_energy(p, setup, run)
     r_min = float(np.min(setup.grain.radii))
-    overlap = deepest_overlap(p) / r_min
+    overlaps, pairs = read_overlaps(p)
+    deep = np.unique(pairs[overlaps > OVERLAP_LIMIT * r_min])
     run.max_kinetic_energy = max(run.max_kinetic_energy, energy)
-    run.max_overlap = max(run.max_overlap, overlap)
-    rest_energy = 0.5 * setup.grain.mass * (REST_SPEED**2 * setup.physics.gravity * r_min)
-    if energy > rest_energy * len(run.live):
+    run.max_overlap = max(run.max_overlap, float(np.max(overlaps, initial=0.0)) / r_min)
+    if energy > 0.5 * setup.grain.mass * len(run.live) * rest_speed(setup, dt) ** 2:
         run.restless_at = time
     limit = ENERGY_MARGIN * available_energy(setup, run.positions)
     if energy > limit:
@@ -164,12 +167,19 @@ def _trouble(p: Any, setup: Setup, run: _Run, time: float) -> str | None:
             f"kinetic energy {energy:.3g} J at {time:.4f} s exceeds {ENERGY_MARGIN:g} times "
             f"what gravity and walls gave, {limit:.3g} J; shorten timestep"
         )
-    if overlap > OVERLAP_LIMIT:
+    deep_grains = np.isin(run.bodies, deep).sum()
+    if deep_grains > DEEP_SHARE * len(run.live):
         return (
-            f"overlap of {overlap:.2f} smallest radii at {time:.4f} s exceeds "
-            f"{OVERLAP_LIMIT:g}; shorten timestep or raise iterations"
+            f"{deep_grains} of {len(run.live)} grains overlap by more than {OVERLAP_LIMIT:g} "
+            f"smallest radii at {time:.4f} s; shorten timestep or raise iterations"
         )
     return None
+
+
+def rest_speed(setup: Setup, dt: float) -> float:
+    """Root mean square speed [m/s] below which the grains count as resting."""
+    gravity, r_min = setup.physics.gravity, float(np.min(setup.grain.radii))
+    return max(REST_SPEED * math.sqrt(gravity * r_min), gravity * dt)
 
 
 def kinetic_energy(p: Any, setup: Setup, run: _Run) -> float:
@@ -178,8 +188,9 @@ def kinetic_energy(p: Any, setup: Setup, run: _Run) -> float:
     q = run.orientations[run.live]
     # Spin in the grain's frame: rotated by the conjugate quaternion.
     twice = 2.0 * np.cross(spin, q[:, 1:])
-    own = spin + q[:, :1] * twice + np.cross(twice, q[:, 1:])
-    return float(0.5 * setup.grain.mass * np.sum(v**2) + 0.5 * np.sum(setup.grain.inertia * own**2))
+    own = spin + q[:, :1] * twice + np.cross(twice, q[:, 1:])  # (live, 3)
+    motion = setup.grain.mass * float(np.sum(v**2))
+    return 0.5 * (motion + float(np.sum(setup.grain.inertia * own**2)))
 
 
 def available_energy(setup: Setup, positions: Array) -> float:
@@ -191,7 +202,8 @@ def available_energy(setup: Setup, positions: Array) -> float:
     n, m = positions.shape[0], setup.grain.mass
     size = float(np.max(setup.grain.radii) + np.max(np.abs(setup.grain.offsets)))
     by_gravity = m * setup.physics.gravity * (max(drop, 0.0) + n * size)
-    return by_gravity + 0.5 * n * m * (2.0 * wall_speed(setup.motion)) ** 2
+    by_walls = 0.5 * n * m * (2.0 * wall_speed(setup.motion)) ** 2
+    return float(by_gravity + by_walls)
 
 
 def _ends_early(setup: Setup, run: _Run, time: float) -> bool:
@@ -211,8 +223,13 @@ def _take_snapshots(p: Any, setup: Setup, run: _Run, time: float) -> None:
     gone = np.ones(run.exit_times.size, dtype=bool)
     gone[run.live] = False
     speeds = np.linalg.norm(run.velocities, axis=1)
-    state = [np.where(gone[:, None], np.nan, a) for a in (run.positions, run.orientations)]
-    run.snapshots.extend((time, *state, np.where(gone, np.nan, speeds)) for _ in due[due <= time])
+    state = (
+        time,
+        np.where(gone[:, None], np.nan, run.positions),
+        np.where(gone[:, None], np.nan, run.orientations),
+        np.where(gone, np.nan, speeds),
+    )
+    run.snapshots.extend(state for _ in due[due <= time])
 
 
 def _movement(setup: Setup, run: _Run, why: str | None, steps: int, dt: float) -> Movement:

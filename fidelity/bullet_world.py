@@ -14,13 +14,15 @@ from typing import Any
 import numpy as np
 
 from fidelity.engine import Grain, Material, Physics, Setup, Wall
-from mfopt.arrays import Array
+from mfopt.arrays import Array, IntArray
 
 LENGTH_SCALE = 10.0  # Bullet length units per metre
 
 # Bullet length units: contacts are made this far ahead, so that a fast grain is stopped at the
 # surface. Bullet's default of 0.02 makes a third more contacts and no other result.
 CONTACT_AHEAD = 0.005
+
+OVERLAP_CORRECTION = 0.2  # share of an overlap corrected per step; 0.5 makes a pile boil
 
 # [m/s] slower contacts do not bounce, or a pile would never rest: five steps' fall at 1 ms.
 RESTING_SPEED = 0.05
@@ -73,8 +75,10 @@ def build(p: Any, setup: Setup, *, timestep: float, iterations: int) -> World:
         deterministicOverlappingPairs=1,  # the order of contacts, hence a bitwise repeat
         contactBreakingThreshold=CONTACT_AHEAD,
         restitutionVelocityThreshold=RESTING_SPEED * LENGTH_SCALE,
-        useSplitImpulse=1,  # overlaps are corrected without adding velocity,
-        splitImpulsePenetrationThreshold=0.0,  # however small they are
+        # Overlaps are pushed out by contact velocities. Split impulses (positions only) left
+        # 300 grains at rest with 0.23 radii of overlap instead of 0.05.
+        useSplitImpulse=0,
+        contactERP=OVERLAP_CORRECTION,
     )
     p.setGravity(0.0, 0.0, -fall_acceleration(setup.physics) * LENGTH_SCALE)
     of_grain, of_wall = friction_factors(setup.grain_material, setup.wall_material)
@@ -170,8 +174,10 @@ def read_velocities(p: Any, bodies: list[int]) -> tuple[Array, Array]:
     return pairs[:, 0] / LENGTH_SCALE, pairs[:, 1]
 
 
-def deepest_overlap(p: Any) -> float:
-    """Largest overlap among all contacts [m]."""
-    distance = 8  # index of `contactDistance`, negative where bodies overlap
-    deepest = min((contact[distance] for contact in p.getContactPoints() or ()), default=0.0)
-    return max(0.0, -deepest / LENGTH_SCALE)
+def read_overlaps(p: Any) -> tuple[Array, IntArray]:
+    """Overlap (c,) [m] and the two bodies (c, 2) of contacts; negative is a gap."""
+    contacts = p.getContactPoints() or ()
+    bodies, distance = (1, 2), 8  # indices in a contact as PyBullet reports it
+    overlaps = np.array([-contact[distance] for contact in contacts]) / LENGTH_SCALE
+    pairs = [[contact[i] for i in bodies] for contact in contacts]
+    return overlaps, np.array(pairs, dtype=np.int64).reshape(-1, 2)

@@ -3,7 +3,8 @@
 The grains start at rest in the settled cup, half a stroke before the hole, and the cup moves
 at once; time counts from there. A coarse portion stands higher than the rim of the cup, and a
 fast cup throws grains up: so the simulated walls of the cup reach higher, with a collar of the
-same section.
+same section, up to the roof of a housing around the plate. Grains that rim of the cup and edge of
+the hole cut or fling aside stay in the housing, on the plate; they count as left in the cup.
 """
 
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ from fidelity.grain import portion_grain
 from fidelity.packing import Order, cup_mesh
 from fidelity.portion import depth_in_section, depth_inside
 from fidelity.settings import DemSettings, DosingSettings
+from geometry.mesh import Mesh
 from geometry.parts import passage
 from mfopt.arrays import AnyArray, Array, frozen
 
@@ -30,9 +32,10 @@ class Tally:
     """Where the grains are at the end of a run."""
 
     passed: Array  # (n_passed,) [s] sorted times at the tube's end
-    left_in_cup: int
+    left_in_cup: int  # with those on the plate
     left_in_hopper: int
     lost: int
+    left_on_plate: int  # above the plate, but outside of the cup
     first_lost: str = ""  # where the first of the lost ones was
 
 
@@ -88,6 +91,7 @@ def dosing_setup(
             Wall("cup", cup.vertices + start, cup.triangles, moves=True),
             Wall("plate", table.vertices, table.triangles),
             Wall("hopper", hopper.vertices, hopper.triangles),
+            _housing(table, order.collar),
         ),
         physics=order.physics,
         duration=MILLI * settings.duration_ms,
@@ -99,32 +103,47 @@ def dosing_setup(
     )
 
 
-def tally(machine: Design, setup: Setup, movement: Movement) -> Tally:
-    """Count every grain: passed, left in cup, left in hopper; anywhere else it is lost.
+def _housing(table: Mesh, height: float) -> Wall:
+    """Side walls on the rim of the plate, and a roof at `height` [m]."""
+    low, high = table.vertices.min(axis=0)[:2], table.vertices.max(axis=0)[:2]
+    rim = [[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]]
+    corners = np.array([[x, y, z] for z in (0.0, height) for x, y in rim])
+    sides = [[i, (i + 1) % 4, 4 + (i + 1) % 4] for i in range(4)]
+    sides += [[i, 4 + (i + 1) % 4, 4 + i] for i in range(4)]
+    return Wall("housing", corners, np.array([*sides, [4, 5, 6], [4, 6, 7]]))
 
-    Grains count by their mass centre; a wall that a grain leans on may be half a grain off.
+
+def tally(machine: Design, setup: Setup, movement: Movement) -> Tally:
+    """Count every grain: passed, left above the plate, left below it; anywhere else it is lost.
+
+    Grains count by their mass centre; as walls give way by an overlap, a grain may be off by
+    one sphere radius.
     """
     slack = float(setup.grain.radii.max())
     where, z = movement.positions, movement.positions[:, 2]
     gone = np.isfinite(movement.exit_times)
+    in_passage = _depth_in_passage(machine, where) > -slack
+    corners = next(w.vertices for w in setup.walls if w.name == "housing")
+    low, high = corners.min(axis=0) - slack, corners.max(axis=0) + slack
+    housed = np.all((where >= low) & (where <= high), axis=1)
+    below, passed = ~gone & (z < 0) & in_passage, gone & in_passage
+    above = ~gone & ~below & housed
     cup_x = float(machine.cup_position(np.array([movement.end_time]))[0])
-    cup_depth = depth_in_section(machine.cup.section, where[:, :2] - [cup_x, 0.0])
-    below = _depth_in_passage(machine, where) > -slack
-    in_cup = ~gone & (z >= 0) & (cup_depth > -slack) & (z < COLLAR * machine.cup.height)
-    in_hopper = ~gone & (z < 0) & below
-    passed = gone & below
-    lost = ~(in_cup | in_hopper | passed)
-    first = ""
-    if lost.any():
-        x, y, height = 1e3 * where[np.flatnonzero(lost)[0]]
-        first = f"x = {x:.0f}, y = {y:.0f}, z = {height:.0f} mm"
+    in_cup = depth_in_section(machine.cup.section, where[:, :2] - [cup_x, 0.0]) > -slack
+    lost = ~(above | below | passed)
     return Tally(
         passed=frozen(np.sort(movement.exit_times[passed])),
-        left_in_cup=int(in_cup.sum()),
-        left_in_hopper=int(in_hopper.sum()),
+        left_in_cup=int(above.sum()),
+        left_in_hopper=int(below.sum()),
         lost=int(lost.sum()),
-        first_lost=first,
+        left_on_plate=int((above & ~in_cup).sum()),
+        first_lost=_place(where[lost][0]) if lost.any() else "",
     )
+
+
+def _place(position: Array) -> str:
+    x, y, z = 1e3 * position
+    return f"x = {x:.0f}, y = {y:.0f}, z = {z:.0f} mm"
 
 
 def _depth_in_passage(machine: Design, points: Array) -> Array:
@@ -142,6 +161,7 @@ def raw_results(setup: Setup, movement: Movement, count: Tally, seed: int) -> di
         "left_in_cup": count.left_in_cup,
         "left_in_hopper": count.left_in_hopper,
         "lost": count.lost,
+        "left_on_plate": count.left_on_plate,
         "duration": setup.duration,
         "end_time": movement.end_time,
         "steps": movement.steps,

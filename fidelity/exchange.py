@@ -133,7 +133,11 @@ def read_movement(directory: Path, *, cpu_s: float) -> Movement | None:
     """Read the result that the script left in `directory`; None if it left none that is whole."""
     try:
         scalars = json.loads((directory / "result.json").read_text(encoding="utf-8"))
-        with np.load(directory / "result.npz", allow_pickle=False) as stored:
+        # Opened here: given a path, np.load leaves a torn file open.
+        with (
+            (directory / "result.npz").open("rb") as file,
+            np.load(file, allow_pickle=False) as stored,
+        ):
             arrays = {name: np.asarray(stored[name]) for name in stored.files}
         return Movement(
             exit_times=arrays["exit_times"],

@@ -10,6 +10,7 @@ import fcntl
 import hashlib
 import json
 import logging
+import math
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
@@ -27,8 +28,11 @@ from mfopt.errors import SimulationError
 from mfopt.store import read_arrays, write_arrays
 
 METHOD = 1  # counted up when packings are made differently, so that old ones are not used
-SETTLING_DAMPING = 0.5  # [-] numerical damping; brings the portion to rest soon
-LONGEST_SETTLING = 1.0  # [s] of simulated time
+SETTLING_DAMPING = 0.4  # [-] numerical damping; brings the portion to rest soon
+# A portion fills the cup to the rim: 1 kg in 1279 ml is 49 % solid. Grains that settle with
+# their full friction stop at 38 %; with this friction 300 of them reach the 49 %, sooner.
+SETTLING_FRICTION = math.radians(5)  # [rad]
+LONGEST_SETTLING = 0.3  # [s] then the grains creep at a few cm/s, and are taken to be at rest
 FLOOR_MARGIN = 0.05  # [m] floor around the cup
 
 log = logging.getLogger(__name__)
@@ -87,7 +91,8 @@ def settled_packing(engine: Engine, order: Order, cache: Path, *, time_limit_s: 
 def digest(engine: Engine, order: Order) -> str:
     """Digest of engine, its version and the order: the packing's name in the cache."""
     program = [engine.name, repr(engine), engine.version()]  # repr: all of the engine's fields
-    what = {"method": METHOD, "engine": program, **asdict(order)}
+    method = [METHOD, SETTLING_DAMPING, SETTLING_FRICTION, LONGEST_SETTLING]
+    what = {"method": method, "engine": program, **asdict(order)}
     text = json.dumps(what, sort_keys=True, default=_as_list)
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
@@ -111,8 +116,8 @@ def _settle(engine: Engine, order: Order, time_limit_s: float) -> Settled:
     setup = Setup(
         grain=order.grain,
         packing=loose,
-        grain_material=order.grain_material,
-        wall_material=order.wall_material,
+        grain_material=replace(order.grain_material, friction_angle=SETTLING_FRICTION),
+        wall_material=replace(order.wall_material, friction_angle=SETTLING_FRICTION),
         walls=(Wall("cup", tall.vertices, tall.triangles), _floor(order.cup)),
         physics=replace(order.physics, damping=SETTLING_DAMPING),
         duration=LONGEST_SETTLING,

@@ -1,7 +1,7 @@
 """The dosing scene without grains: flow through the opening, flight, and the hopper's capacity.
 
 1. Cup. Each of a row of columns along the cup sinks while the hole is beneath it, at first in
-   free fall, then at the speed of Beverloo's law with the opening's hydraulic diameter D,
+   free fall, then at the speed of Beverloo's law with the full opening's hydraulic diameter D,
    u_o = C_o sqrt(g (D - k d)), so u = u_o tanh(g tau / u_o) after tau seconds over the hole.
 2. Flight. What leaves is followed down to the neck with the cup's horizontal velocity. On a
    wall it loses its normal velocity, and friction mu takes mu times as much of the tangential
@@ -20,16 +20,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fidelity.dosing import MICRO, MILLI, Design, design
+from fidelity.dosing import MILLI, Design, design
 from fidelity.dosing_run import GRAVITY
 from fidelity.settings import DosingSettings
-from mfopt.arrays import AnyArray, Array, IntArray, frozen
+from mfopt.arrays import AnyArray, Array, frozen
 from mfopt.errors import InvalidDesign
 from mfopt.outcome import Outcome
 
-TIME_STEP = 4e-3  # [s] of the discharge
-COLUMNS = 24  # along the cup
-HEIGHTS = 24  # steps of the flight from the plate to the tube
+TIME_STEP = 5e-3  # [s] of the discharge
+COLUMNS = 16  # along the cup
+HEIGHTS = 20  # steps of the flight from the plate to the tube
 SLOWEST = 0.02  # [m/s] what slides slower than this stays in the hopper
 GOLDEN = (math.sqrt(5) - 1) / 2  # spreads parcels evenly across the cup
 WORK = 2e4  # [sphere-steps] of YADE that take as long as one evaluation, about 5 ms
@@ -88,7 +88,12 @@ class ReducedDosing:
     def _raw(self, machine: Design) -> dict[str, AnyArray]:
         duration = MILLI * self.settings.duration_ms
         stream, left = discharge(machine, self.flow, self.grain_diameter, duration)
-        times = passage(machine, self.flow, self.grain_diameter, stream)
+        # A pair slides at the smaller of its friction angles, as in the discrete elements.
+        angle = min(
+            self.settings.wall.friction_angle_deg, self.settings.grain.friction_angle_deg
+        )
+        friction = math.tan(math.radians(angle))
+        times = passage(machine, self.flow, self.grain_diameter, stream, friction)
         passed_times = quantiles(times, stream.share, self.grains, duration)
         left_in_cup = round(left * self.grains)
         passed = min(len(passed_times), self.grains - left_in_cup)
@@ -109,3 +114,136 @@ class ReducedDosing:
         """Diameter of the sphere with a grain's volume [m]."""
         volume = self.settings.portion_kg / self.settings.grain.density_kg_m3 / self.grains
         return float((6 * volume / math.pi) ** (1 / 3))
+
+
+def discharge(
+    machine: Design, flow: Flow, grain: float, duration: float
+) -> tuple[_Stream, float]:
+    """What leaves the cup when and where, and the share of the portion that stays in it.
+
+    Args:
+        machine: the design.
+        flow: the model's constants.
+        grain: diameter of the grain [m].
+        duration: of the run [s].
+    """
+    cup, hole = machine.cup.section, machine.hole
+    times = np.arange(0.0, duration, TIME_STEP)
+    columns = (np.arange(COLUMNS) + 0.5) / COLUMNS * cup.length - cup.length / 2
+    place = machine.cup_position(times)[:, None] + columns  # (t, c)
+    is_open = np.abs(place - hole.shift) < hole.length / 2
+    width = min(cup.width, hole.width)
+    length = min(cup.length, hole.length)
+    diameter = 2 * length * width / (length + width)
+    limit = flow.opening * math.sqrt(GRAVITY * max(diameter - flow.beverloo_k * grain, 1e-9))
+    # Time over the hole since the column came there: counted from the last step when it was not.
+    step = np.arange(1, len(times) + 1)[:, None]
+    closed_at = np.maximum.accumulate(np.where(is_open, 0, step), axis=0)
+    over = TIME_STEP * (step - closed_at)
+    speed = np.where(is_open, limit * np.tanh(GRAVITY * over / limit), 0.0)
+    # Where the hole is narrower than the cup, the columns sink as much slower.
+    sunk = np.cumsum(speed * TIME_STEP, axis=0) * width / cup.width
+    gone = np.minimum(sunk / machine.cup.height, 1.0)
+    share = np.diff(gone, axis=0, prepend=0.0) / COLUMNS
+    k, c = np.nonzero(share > 0)
+    velocity = machine.cup_velocity(times) * (times < machine.cycle)
+    across = (np.mod(GOLDEN * (k * COLUMNS + c), 1.0) - 0.5) * width
+    zero = np.zeros(len(k))
+    vx, vz = flow.slip * velocity[k], speed[k, c]
+    stream = _Stream(share[k, c], times[k], place[k, c], across, vx, zero, vz)
+    return stream, float(1.0 - gone[-1].mean())
+
+
+def passage(
+    machine: Design, flow: Flow, grain: float, stream: _Stream, friction: float
+) -> Array:
+    """Times (p,) at which the parcels pass the tube's end [s].
+
+    Args:
+        machine: the design.
+        flow: the model's constants.
+        grain: diameter of the grain [m].
+        stream: what left the cup.
+        friction: coefficient of friction of the walls.
+    """
+    z = np.linspace(0.0, machine.loft.heights[-1], HEIGHTS + 1)
+    values = machine.loft.values(z)
+    length, width, radius = values[:, 0], values[:, 1], values[:, 2]
+    area = length * width - (4 - math.pi) * radius**2
+    perimeter = 2 * (length + width) - (8 - 2 * math.pi) * radius
+    diameter = np.maximum(4 * area / perimeter - flow.beverloo_k * grain, 1e-9)
+    speeds = flow.neck * np.sqrt(GRAVITY * diameter)
+    neck = int(np.argmin(area * speeds))
+    arrival, speed = _flight(stream, z[: neck + 1], values[: neck + 1], friction)
+    portion = machine.cup.volume
+    order = np.argsort(arrival, kind="stable")
+    leaves = queue(arrival[order], stream.share[order] * portion / (area[neck] * speeds[neck]))
+    out = np.empty_like(arrival)
+    out[order] = leaves
+    waited = out - arrival > TIME_STEP
+    start = np.where(waited, np.minimum(speed, speeds[neck]), speed)
+    fall = z[neck] - machine.tube_end_z
+    return np.asarray(out + (np.sqrt(start**2 + 2 * GRAVITY * fall) - start) / GRAVITY)
+
+
+def queue(arrival: Array, service: Array) -> Array:
+    """Departure times of sorted arrivals that are served one after the other [s].
+
+    d_k = max(a_k, d_(k-1)) + s_k = S_k + max over j <= k of (a_j - S_(j-1)), S = cumulated s.
+    """
+    served = np.cumsum(service)
+    return np.asarray(served + np.maximum.accumulate(arrival - served + service))
+
+
+def _flight(
+    stream: _Stream, z: Array, values: Array, friction: float
+) -> tuple[Array, Array]:
+    """Arrival time [s] and downward speed [m/s] of every parcel at the last of the heights `z`."""
+    t, x, y = stream.time.copy(), stream.x.copy(), stream.y.copy()
+    vx, vy, vz = stream.vx.copy(), stream.vy.copy(), stream.vz.copy()
+    half = values[:, :2] / 2
+    for i in range(1, len(z)):
+        drop = z[i - 1] - z[i]
+        faster = np.sqrt(vz**2 + 2 * GRAVITY * drop)
+        dt = 2 * drop / (vz + faster)
+        t += dt
+        x += vx * dt
+        y += vy * dt
+        vz = faster
+        for sign in (1.0, -1.0):
+            wall, above = half[i] + [sign * values[i, 3], 0], half[i - 1] + [sign * values[i - 1, 3], 0]
+            slope = (wall - above) / drop
+            _at_wall(x, vx, vz, sign, wall[0], slope[0], friction)
+            _at_wall(y, vy, vz, sign, wall[1], slope[1], friction)
+    return t, vz
+
+
+def _at_wall(
+    q: Array, vq: Array, vz: Array, sign: float, wall: float, slope: float, friction: float
+) -> None:
+    """Stop, in place, parcels that are beyond a wall on the side of positive `sign` * q.
+
+    `slope` = d(sign q)/d(depth) of the wall; its tangent, downwards, is (slope, 1) / n and the
+    normal into it (1, -slope) / n.
+    """
+    hit = np.flatnonzero(sign * q > wall)
+    if not hit.size:
+        return
+    n = math.hypot(1.0, slope)
+    outward, down = sign * vq[hit], vz[hit]
+    into = np.maximum((outward - slope * down) / n, 0.0)
+    along = np.maximum((slope * outward + down) / n - friction * into, SLOWEST)
+    q[hit] = sign * wall
+    vq[hit] = sign * along * slope / n
+    vz[hit] = along / n
+
+
+def quantiles(times: Array, share: Array, grains: int, duration: float) -> Array:
+    """Passage times of single grains (n,) [s] out of `grains`, from parcels' times and shares."""
+    order = np.argsort(times, kind="stable")
+    kept = order[times[order] <= duration]
+    passed = np.cumsum(share[kept]) * grains
+    count = int(round(float(passed[-1]))) if len(kept) else 0
+    if count == 0:
+        return np.empty(0)
+    return np.interp(np.arange(count) + 0.5, passed, times[kept])

@@ -5,15 +5,16 @@ Values are those of the paper on the optimisation of a vertical tubular bag mach
 The records keep the user's units; what leaves this module as a `Material` is SI.
 """
 
-import difflib
 import math
 from collections.abc import Mapping
+from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import Field, Strict, field_validator, model_validator
 
 from fidelity.engine import Material
+from mfopt.settings import Settings, nearest
 
-Bounds = tuple[float, float]
+Bounds = Annotated[tuple[float, float], Strict(False)]  # TOML gives a list
 
 # Every number that describes a design: z, l, w, r, s of sections 0 (hole) to 3 (tube) [mm],
 # and the motion's x1, y1, x2, y2, v [-]. z0 = 0 is the plate and no parameter.
@@ -38,13 +39,7 @@ DEFAULT_FREE: Mapping[str, Bounds] = {
 }  # fmt: skip
 
 
-class _Settings(BaseModel):
-    model_config = ConfigDict(
-        extra="forbid", frozen=True, allow_inf_nan=False, validate_default=True
-    )
-
-
-class CupSettings(_Settings):
+class CupSettings(Settings):
     """The dosing cup's inside; its height follows from the volume."""
 
     length_mm: float = Field(130, gt=0)
@@ -53,7 +48,7 @@ class CupSettings(_Settings):
     volume_ml: float = Field(1279, gt=0)
 
 
-class MaterialSettings(_Settings):
+class MaterialSettings(Settings):
     """Elastic-frictional material."""
 
     young_modulus_pa: float = Field(gt=0)
@@ -79,7 +74,7 @@ STEEL = MaterialSettings(
 )  # paper, table 1
 
 
-class DosingSettings(_Settings):
+class DosingSettings(Settings):
     """The dosing problem: machine, portion, materials, and which parameters are free."""
 
     cup: CupSettings = CupSettings()
@@ -104,11 +99,7 @@ class DosingSettings(_Settings):
     def _known(cls, given: dict[str, object]) -> dict[str, object]:
         for name in given:
             if name not in PARAMETERS:
-                near = difflib.get_close_matches(name, PARAMETERS, n=1, cutoff=0.3)
-                hint = f"; did you mean {near[0]!r}?" if near else ""
-                raise ValueError(
-                    f"unknown design parameter {name!r}{hint} (there are {', '.join(PARAMETERS)})"
-                )
+                raise ValueError(f"unknown design parameter {name!r}{nearest(name, PARAMETERS)}")
         return given
 
     @model_validator(mode="after")
@@ -146,7 +137,7 @@ class DosingSettings(_Settings):
         return values
 
 
-class DemSettings(_Settings):
+class DemSettings(Settings):
     """How finely one level resolves the grains, and its numerics."""
 
     grains: int = Field(ge=1)

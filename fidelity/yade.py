@@ -3,7 +3,7 @@
 import shutil
 import subprocess
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Literal
@@ -36,7 +36,8 @@ class YadeEngine:
     """
 
     precision: Precision = "double"
-    trace: Path | None = None  # directory for VTK files of the run; changes no result
+    # Directory for VTK files of the run. Changes no result, hence not part of the identity.
+    trace: Path | None = field(default=None, repr=False, compare=False)
 
     @property
     def name(self) -> str:

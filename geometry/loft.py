@@ -7,6 +7,7 @@ radius and shift are the cubics through the four given ones. One cubic is also f
 kinks in curvature that a spline of several pieces has.
 """
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -77,7 +78,7 @@ def check_loft(loft: Loft) -> None:
             itself, or the loft pinched between the sections.
     """
     for i in range(3):
-        if not loft.heights[i] > loft.heights[i + 1]:
+        if not math.inf > loft.heights[i] > loft.heights[i + 1] > -math.inf:
             raise InvalidDesign(
                 f"crossed sections: section {i} at z = {loft.heights[i] * 1e3:.4g} mm must lie "
                 f"above section {i + 1} at z = {loft.heights[i + 1] * 1e3:.4g} mm; "
@@ -92,6 +93,20 @@ def check_loft(loft: Loft) -> None:
     _check_between(loft, radius, bend, "radius")
     _check_between(loft, length - 2 * radius, 0.0, "flat part of the length (length - 2 radius)")
     _check_between(loft, width - 2 * radius, 0.0, "flat part of the width (width - 2 radius)")
+
+
+def check_tube(loft: Loft, tube_end_z: float) -> None:
+    """Refuse a tube that would end inside the hopper.
+
+    Raises:
+        InvalidDesign: the message names both heights.
+    """
+    outlet = float(loft.heights[-1])
+    if not -math.inf < tube_end_z < outlet - SLACK:
+        raise InvalidDesign(
+            f"tube end z = {tube_end_z * 1e3:.4g} mm must lie below the hopper's end = "
+            f"{outlet * 1e3:.4g} mm; lower the tube's end"
+        )
 
 
 def _check_between(loft: Loft, cubic: Array, limit: float, quantity: str) -> None:
@@ -109,10 +124,14 @@ def _check_between(loft: Loft, cubic: Array, limit: float, quantity: str) -> Non
 
 
 def extremal_depths(cubic: Array, end: float) -> Array:
-    """Arguments between 0 and `end` where a polynomial can be extreme: ends, stationary points."""
-    slope = np.trim_zeros(np.polynomial.polynomial.polyder(cubic), "b")
-    roots = np.polynomial.polynomial.polyroots(slope) if slope.size > 1 else np.empty(0)
-    # Complex roots are stationary points nowhere; their real part is a harmless extra sample.
-    low, high = min(0.0, end), max(0.0, end)
-    inside = np.clip(np.real(roots), low, high)
-    return np.concatenate(([0.0, end], inside))
+    """Arguments between 0 and `end` where a cubic (4,) can be extreme: ends, stationary points.
+
+    The quadratic is solved without cancellation, as cubics are often nearly parabolas here.
+    """
+    c, b, a = map(float, np.polynomial.polynomial.polyder(cubic))
+    depths = [0.0, end]
+    discriminant = b * b - 4 * a * c
+    if discriminant >= 0:
+        q = -(b + math.copysign(math.sqrt(discriminant), b)) / 2
+        depths += [n / d for n, d in ((q, a), (c, q)) if d != 0]
+    return np.clip(depths, min(0.0, end), max(0.0, end))

@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from geometry.loft import Loft, check_loft
+from geometry.loft import Loft, check_loft, check_tube
 from geometry.mesh import Mesh
 from geometry.rings import Ring, cap, closed_up, ring, sagitta, strip
 from geometry.sections import SLACK, Section, check_section
@@ -85,12 +85,8 @@ def passage(loft: Loft, tube_end_z: float, chordal_error: float, *, closed: bool
     """
     _check_chordal_error(chordal_error)
     check_loft(loft)
+    check_tube(loft, tube_end_z)
     outlet = float(loft.heights[-1])
-    if not tube_end_z < outlet - SLACK:
-        raise InvalidDesign(
-            f"tube end z = {tube_end_z * 1e3:.4g} mm must lie below the hopper's end = "
-            f"{outlet * 1e3:.4g} mm; lower the tube's end"
-        )
     hopper = [ring(loft.section(z), z, chordal_error) for z in ring_heights(loft, chordal_error)]
     tube = loft.section(outlet)
     rings = _divided(hopper, loft, chordal_error)
@@ -123,7 +119,7 @@ def ring_heights(loft: Loft, chordal_error: float) -> Array:
         linear = np.column_stack([np.interp(-z, -heights, quantity) for quantity in ends])
         if _largest_offset(exact - linear).max() <= left:
             return heights
-    return z
+    return z  # the finest: a cubic misses less than 1e-5 m over 1.3 mm
 
 
 def _largest_offset(change: Array) -> Array:
@@ -188,8 +184,8 @@ def _mesh(rings: Sequence[Ring], *, closed: bool) -> Mesh:
 
 
 def _check_chordal_error(chordal_error: float) -> None:
-    if not 1e-5 <= chordal_error <= 0.01:
+    if not 5e-5 <= chordal_error <= 0.01:
         raise ConfigError(
-            f"chordal_error = {chordal_error:g} m must lie between 1e-05 and 0.01 m; "
+            f"chordal_error = {chordal_error:g} m must lie between 5e-05 and 0.01 m; "
             "0.0005 to 0.0015 m suits simulations"
         )

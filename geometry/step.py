@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from geometry.loft import Loft, check_loft
+from geometry.loft import Loft, check_loft, check_tube
 from geometry.sections import SLACK, Section
 from mfopt.arrays import Array
 from mfopt.errors import ConfigError
@@ -32,9 +32,10 @@ def write_step(path: Path, loft: Loft, tube_end_z: float) -> None:
 
     Raises:
         ConfigError: without the extra `cad`.
-        InvalidDesign: if the loft cannot be built.
+        InvalidDesign: if loft or tube cannot be built.
     """
     check_loft(loft)
+    check_tube(loft, tube_end_z)
     _require_cad()
     from OCP.IFSelect import IFSelect_RetDone
     from OCP.Interface import Interface_Static

@@ -7,12 +7,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from mfopt.api import Minimum as Minimum
+    from mfopt.api import minimize as minimize
     from mfopt.cmaes import CmaEs as CmaEs
     from mfopt.errors import ConfigError as ConfigError
     from mfopt.errors import MfoptError as MfoptError
-    from mfopt.minimize import FunctionLevel as FunctionLevel
-    from mfopt.minimize import Minimum as Minimum
-    from mfopt.minimize import minimize as minimize
+    from mfopt.function_level import FunctionLevel as FunctionLevel
     from mfopt.problem import Problem as Problem
     from mfopt.problem import Variable as Variable
     from mfopt.search import Stage as Stage
@@ -21,9 +21,9 @@ _HOME = {
     "CmaEs": "cmaes",
     "ConfigError": "errors",
     "MfoptError": "errors",
-    "FunctionLevel": "minimize",
-    "Minimum": "minimize",
-    "minimize": "minimize",
+    "FunctionLevel": "function_level",
+    "Minimum": "api",
+    "minimize": "api",
     "Problem": "problem",
     "Variable": "problem",
     "Stage": "search",

@@ -99,7 +99,8 @@ class CmaEs:
         stage = self._stage
         seed = self._first_seed + self._generations_in_stage % stage.seeds
         drawn = stage.population_size - self._opening  # the start itself opens the generation
-        z = [self._start_z] * self._opening + [self._draw_possible() for _ in range(drawn)]
+        z = [self._start_z] * self._opening
+        z += [self._possible(np.asarray(row)) for row in self._es.ask(drawn)]
         numbers = range(self._asked, self._asked + len(z))
         self._asked_z = dict(zip(numbers, z, strict=True))
         self._asked += len(z)
@@ -178,13 +179,14 @@ class CmaEs:
             warnings.simplefilter("ignore")
             self._es = cma.CMAEvolutionStrategy(self._start_z, self._stage.sigma, options)
 
-    def _draw_possible(self) -> Array:
-        reason = None
+    def _possible(self, z: Array) -> Array:
+        """The draw `z` itself if that design can be built, else the first new one that can."""
+        reason = self._problem.impossible(self._problem.to_x(z))
         for _ in range(REDRAWS):
-            z: Array = self._es.ask(1)[0]
-            reason = self._problem.impossible(self._problem.to_x(z))
             if reason is None:
                 return z
+            z = np.asarray(self._es.ask(1)[0])
+            reason = self._problem.impossible(self._problem.to_x(z))
         raise SimulationError(
             f"{REDRAWS} designs drawn in a row are impossible, the last because {reason}; "
             "widen the bounds or start from another design"

@@ -67,6 +67,9 @@ class Runner:
         except BrokenProcessPool:
             lost = sorted(waiting.values(), key=lambda c: c.index)
             self.close()
+        finally:  # also when an exception such as an interrupt passes through
+            for future in waiting:
+                future.cancel()
         return lost
 
 
@@ -140,14 +143,6 @@ def dask_cluster(address: str) -> MakeExecutor:
     return make
 
 
-class InProcess(cf.Executor):
-    """Runs in this process, one after the other: for functions that cannot be pickled."""
-
-    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> cf.Future[Any]:
-        """Run at once."""
-        future: cf.Future[Any] = cf.Future()
-        try:
-            future.set_result(fn(*args, **kwargs))
-        except Exception as error:
-            future.set_exception(error)
-        return future
+def one_thread() -> cf.Executor:
+    """One thread of this process: for functions that cannot be pickled."""
+    return cf.ThreadPoolExecutor(1)

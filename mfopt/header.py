@@ -48,7 +48,12 @@ def header(
         ],
         "baseline": [float(value) for value in problem.baseline],
         "levels": [
-            {"name": level.name, "work": float(level.work(problem.baseline)), **extra}
+            {
+                "name": level.name,
+                "work": float(level.work(problem.baseline)),
+                **dict.fromkeys(("engine", "grains", "spheres_per_grain")),
+                **extra,
+            }
             for level, extra in zip(ladder, described, strict=True)
         ],
         "objective": objective,

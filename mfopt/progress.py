@@ -16,7 +16,7 @@ class ProgressDisplay:
 
     Args:
         console: where to draw.
-        work: predicted work of one run, by level.
+        work: predicted work of one run, by level, coarse to fine.
         unit: of the objective.
         confirm_work: work of the confirmation after the search.
     """
@@ -26,6 +26,7 @@ class ProgressDisplay:
     ) -> None:
         self._console, self._work, self._unit = console, work, unit
         self._confirm_work = confirm_work
+        self._full_run = list(work.values())[-1]
         self._spent = self._measured = 0.0
         self._began = time.monotonic()
         self._best: dict[str, float] = {}
@@ -62,7 +63,8 @@ class ProgressDisplay:
         left = self._confirm_work + sum(self._work[name] * n for name, n in progress.runs_left)
         words = (
             f"{self._phase(progress)}  best {best:.4g} {self._unit}  "
-            f"work {self._spent:.3g} of {self._spent + left:.3g}  {self._to_go(left)}"
+            f"work {self._spent / self._full_run:.1f} of "
+            f"{(self._spent + left) / self._full_run:.1f} full runs  {self._to_go(left)}"
         )
         self._bar.update(
             self._task, description=words, completed=self._spent, total=self._spent + left

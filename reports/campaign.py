@@ -29,7 +29,7 @@ class Stage:
 
     level: str
     purpose: str
-    generations: str  # "3 – 17", or empty
+    generations: str  # such as 3-17, or empty
     population_size: int | None
     runs: int
     failed: int
@@ -119,7 +119,7 @@ def _kind(g: Generation) -> tuple[str, int, str]:
 
 
 def _span(first: int, last: int) -> str:
-    return str(first) if first == last else f"{first} – {last}"
+    return str(first) if first == last else f"{first}\u2013{last}"
 
 
 def _stage(

@@ -13,7 +13,7 @@ import numpy as np
 from mfopt.arrays import AnyArray, Array
 from reports.campaign import Step
 from reports.design import DesignView
-from reports.units import Display
+from reports.units import Display, number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 BLUE, ORANGE, GREEN, PURPLE, GREY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#595959"
 WIDTH = 7.0  # [inch] text width of A4 with 16 mm margins
 LOG_ABOVE = 12.0  # ratio of largest to smallest value from which a linear axis hides detail
-STYLE = {
-    "font.size": 9.0, "font.family": "sans-serif", "svg.fonttype": "path",
+STYLE: Any = {
+    "font.size": 9.0, "font.family": "sans-serif", "svg.fonttype": "none",
     "axes.spines.top": False, "axes.spines.right": False, "axes.edgecolor": GREY,
     "axes.labelcolor": "#222222", "xtick.color": GREY, "ytick.color": GREY,
     "axes.grid": True, "grid.color": "#e6e6e6", "grid.linewidth": 0.6, "axes.axisbelow": True,
@@ -35,11 +35,17 @@ SLENDER = 0.45  # width to height of a picture, up to which four fit side by sid
 TALLEST = 7.2  # [inch] height of all pictures of a figure: a page of A4 with its caption
 
 
-def _figure(height: float, panels: int, ratios: Sequence[float]) -> "tuple[Figure, list[Axes]]":
+def _figure(
+    height: float, panels: int, ratios: Sequence[float], top: float = 0.1
+) -> "tuple[Figure, list[Axes]]":
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(WIDTH, height), layout="constrained")
-    axes = figure.subplots(panels, 1, sharex=True, gridspec_kw={"height_ratios": list(ratios)})
+    figure = Figure(figsize=(WIDTH, height))
+    grid = {
+        "height_ratios": list(ratios), "hspace": 0.08, "left": 0.1, "right": 0.99,
+        "bottom": 0.5 / height, "top": 1.0 - top / height,
+    }  # fmt: skip
+    axes = figure.subplots(panels, 1, sharex=True, gridspec_kw=grid)
     return figure, list(np.atleast_1d(axes))
 
 
@@ -74,20 +80,22 @@ def speed_colours(speeds: Array, top_speed: float) -> Array:
 
 def progress(steps: Sequence[Step], shown: Display, name: str, bound_s: float | None) -> str:
     """Best and median of each generation; levels, restarts and failed runs marked."""
+    from matplotlib.ticker import MaxNLocator
+
     with styled():
         filling = np.array([s.filling_time for s in steps]) * 1e3
         two = bool(np.isfinite(filling).any())
-        figure, axes = _figure(4.6 if two else 3.4, 1 + two, [1.7, 1.0][: 1 + two])
-        number = np.array([s.generation.number for s in steps])
+        figure, axes = _figure(4.5 if two else 3.3, 1 + two, [1.7, 1.0][: 1 + two], 0.45)
+        place = np.array([s.generation.number for s in steps])
         best = np.array([s.best for s in steps]) * shown.factor
         median = np.array([s.median for s in steps]) * shown.factor
-        axes[0].plot(number, median, color=GREY, lw=1.0, ls="--", marker="o", ms=2.5,
+        axes[0].plot(place, median, color=GREY, lw=1.0, ls="--", marker="o", ms=2.5,
                      mfc="white", label="median of the generation")  # fmt: skip
-        axes[0].plot(number, best, color=BLUE, marker="o", ms=3.5, label="best of the generation")
+        axes[0].plot(place, best, color=BLUE, marker="o", ms=3.5, label="best of the generation")
         _scale(axes[0], np.concatenate((best, median)))
         axes[0].set_ylabel(f"{name} {shown.bracket}")
         if two:
-            axes[1].plot(number, filling, color=BLUE, marker="o", ms=3.0)
+            axes[1].plot(place, filling, color=BLUE, marker="o", ms=3.0)
             _scale(axes[1], filling)
             axes[1].set_ylabel("filling time\nof the best [ms]")
             if bound_s is not None:
@@ -96,23 +104,26 @@ def progress(steps: Sequence[Step], shown: Display, name: str, bound_s: float | 
         axes[0].margins(y=0.16)  # room for the marks of failed runs and restarts
         _failed(axes[0], steps)
         axes[0].legend(loc="upper right", fontsize=8, bbox_to_anchor=(1.0, 0.93))
-        axes[-1].set_xlabel("generation [–]")
-        axes[-1].xaxis.get_major_locator().set_params(integer=True)  # type: ignore[attr-defined]
-        axes[-1].set_xlim(number[0] - 0.7, number[-1] + 0.7)
+        axes[-1].set_xlabel("generation")
+        axes[-1].xaxis.set_major_locator(MaxNLocator(integer=True))
+        axes[-1].set_xlim(place[0] - 0.7, place[-1] + 0.7)
         _bands(axes, steps)
         _restarts(axes, steps)
         return _svg(figure)
 
 
 def _scale(axis: "Axes", values: Array) -> None:
-    finite = values[np.isfinite(values)]
-    if finite.size and finite.min() > 0.0 and finite.max() > LOG_ABOVE * finite.min():
-        axis.set_yscale("log")
-        plain = finite.max() < 1e5 and finite.min() > 1e-3
-        if plain:
-            from matplotlib.ticker import FuncFormatter
+    """A logarithmic axis where a linear one would hide detail."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-            axis.yaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
+    finite = values[np.isfinite(values)]
+    if not finite.size or finite.min() <= 0.0 or finite.max() <= LOG_ABOVE * finite.min():
+        return
+    wide = finite.max() > 1e3 * finite.min()
+    axis.set_yscale("log")
+    axis.yaxis.set_major_locator(LogLocator(subs=(1.0,) if wide else (1.0, 2.0, 5.0)))
+    axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: number(value, 1)))
+    axis.yaxis.set_minor_formatter(NullFormatter())
 
 
 def _failed(axis: "Axes", steps: Sequence[Step]) -> None:
@@ -122,7 +133,8 @@ def _failed(axis: "Axes", steps: Sequence[Step]) -> None:
         return
     edge = axis.get_xaxis_transform()
     axis.plot([s.generation.number for s in its], [0.035] * len(its), "x", color=ORANGE, ms=5,
-              mew=1.4, transform=edge, clip_on=False, label="failed runs, with their number")  # fmt: skip
+              mew=1.4, transform=edge, clip_on=False,
+              label="failed runs, with their number")  # fmt: skip
     for s in its:
         axis.text(s.generation.number, 0.075, str(s.failed), color=ORANGE, fontsize=7,
                   ha="center", va="bottom", transform=edge)  # fmt: skip
@@ -171,10 +183,10 @@ def _restarts(axes: "Sequence[Axes]", steps: Sequence[Step]) -> None:
     made = restarts(steps)
     names = [f"R{i}" for i in range(1, len(made) + 1)]
     rows = label_rows([(n - 0.5 - low) / (high - low) for n, _ in made], names)
-    for (number, _), name, row in zip(made, names, rows, strict=True):
+    for (place, _), name, row in zip(made, names, rows, strict=True):
         for axis in axes:
-            axis.axvline(number - 0.5, color=PURPLE, lw=1.0, ls=(0, (4, 2)))
-        axes[0].text(number - 0.45, 0.99 - LABEL_ROW * row, name, color=PURPLE, fontsize=8,
+            axis.axvline(place - 0.5, color=PURPLE, lw=1.0, ls=(0, (4, 2)))
+        axes[0].text(place - 0.45, 0.99 - LABEL_ROW * row, name, color=PURPLE, fontsize=8,
                      va="top", weight="bold", transform=axes[0].get_xaxis_transform())  # fmt: skip
 
 
@@ -193,7 +205,7 @@ def label_rows(lefts: Sequence[float], labels: Sequence[str]) -> list[int]:
 def motion(best: DesignView, baseline: DesignView | None) -> str:
     """Position and velocity of the cup over time, on aligned panels."""
     with styled():
-        figure, axes = _figure(4.2, 2, [1.25, 1.0])
+        figure, axes = _figure(3.7, 2, [1.25, 1.0])
         lines = [(best, "best", BLUE, "-"), (baseline, "baseline", ORANGE, "--")]
         for view, label, colour, dashes in lines:
             if view is not None and len(view.motion_times):
@@ -219,7 +231,7 @@ def motion(best: DesignView, baseline: DesignView | None) -> str:
 def passages(best: Sequence[Array], baseline: Sequence[Array]) -> str:
     """Share of grains that have passed, and their rate, pooled over the runs of each design."""
     with styled():
-        figure, axes = _figure(4.2, 2, [1.0, 1.1])
+        figure, axes = _figure(3.7, 2, [1.0, 1.1])
         longest = max(float(t.max()) for t in (*best, *baseline)) * 1e3
         first = min(float(t.min()) for t in (*best, *baseline)) * 1e3
         edges = np.linspace(first, longest, 41)
@@ -255,31 +267,51 @@ def snapshots(
     from matplotlib.cm import ScalarMappable
     from matplotlib.collections import LineCollection
     from matplotlib.colors import Normalize
-    from matplotlib.figure import Figure
 
     with styled():
         mm = [1e3 * e for e in extent]
-        aspect = (mm[1] - mm[0]) / (mm[3] - mm[2])
-        columns = len(times) if aspect < SLENDER else math.ceil(len(times) / 2)
-        rows = math.ceil(len(times) / columns)
-        width = min(WIDTH, columns * aspect * TALLEST / rows / 0.8)
-        height = min(TALLEST, rows * 0.8 * width / columns / aspect) + 0.3 * rows + 0.3
-        figure = Figure(figsize=(width, height), layout="constrained")
-        panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
-        for axis in panels.flat[len(times) :]:
-            axis.axis("off")
-        for axis, time, image, lines in zip(panels.flat, times, pixels, cuts, strict=False):
-            axis.imshow(image, extent=tuple(mm), interpolation="antialiased")
+        figure, panels, bar = _panels(len(times), (mm[1] - mm[0]) / (mm[3] - mm[2]))
+        for axis, time, image, lines in zip(panels, times, pixels, cuts, strict=True):
+            axis.imshow(image, extent=(mm[0], mm[1], mm[2], mm[3]), interpolation="antialiased")
             axis.add_collection(LineCollection(list(lines * 1e3), colors="#222222", lw=0.9))
-            axis.set_title(f"{time * 1e3:.0f} ms", fontsize=9, weight="bold")
+            axis.set_title(f"{time * 1e3:.0f} ms", fontsize=9, weight="bold", pad=4)
             axis.grid(False)
-            axis.set_xlim(mm[0], mm[1])
-            axis.set_ylim(mm[2], mm[3])
-        for axis in panels[-1]:
-            axis.set_xlabel("x [mm]")
-        for axis in panels[:, 0]:
-            axis.set_ylabel("z [mm]")
-        bar = ScalarMappable(Normalize(0.0, top_speed), "viridis")
-        figure.colorbar(bar, ax=panels, label="speed of the grain [m/s]", extend="max",
-                        fraction=0.04, pad=0.02, aspect=35)  # fmt: skip
+            axis.set(xlim=mm[:2], ylim=mm[2:])
+            place = axis.get_subplotspec()
+            if place is not None and place.is_last_row():
+                axis.set_xlabel("x [mm]")
+            if place is not None and place.is_first_col():
+                axis.set_ylabel("z [mm]")
+        scale = ScalarMappable(Normalize(0.0, top_speed), "viridis")
+        figure.colorbar(scale, cax=bar, label="speed of the grain [m/s]", extend="max")
         return _svg(figure)
+
+
+def _panels(count: int, aspect: float) -> "tuple[Figure, list[Axes], Axes]":
+    """A figure with `count` panels of that width to height, side by side or in two rows.
+
+    The room for labels is fixed [inch]; the panels take what the page leaves.
+    """
+    from matplotlib.figure import Figure
+
+    columns = count if aspect < SLENDER else math.ceil(count / 2)
+    rows = math.ceil(count / columns)
+    left, right, bottom, top, gap, row_gap = 0.65, 0.95, 0.5, 0.3, 0.12, 0.35
+    free = WIDTH - left - right - gap * (columns - 1)
+    wide = min(free / columns, aspect * (TALLEST - row_gap * (rows - 1)) / rows)
+    high = wide / aspect
+    width = left + columns * wide + gap * (columns - 1) + right
+    height = bottom + rows * high + row_gap * (rows - 1) + top
+    figure = Figure(figsize=(width, height))
+    grid = {
+        "left": left / width, "right": 1.0 - right / width, "bottom": bottom / height,
+        "top": 1.0 - top / height, "wspace": gap / wide, "hspace": row_gap / high,
+    }  # fmt: skip
+    panels = figure.subplots(
+        rows, columns, sharex=True, sharey=True, squeeze=False, gridspec_kw=grid
+    )
+    for axis in panels.flat[count:]:
+        axis.axis("off")
+    tall = min(3.0, rows * high) / height
+    bar = figure.add_axes((1.0 - (right - 0.15) / width, bottom / height, 0.13 / width, tall))
+    return figure, list(panels.flat[:count]), bar

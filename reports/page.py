@@ -13,7 +13,7 @@ from reports import campaign, charts, pictures, tables, viewer
 from reports.design import Describe, DesignView
 from reports.result import Result, best_at, result, solutions, typical_first
 from reports.rows import Row, read_rows
-from reports.sentence import sentence, state
+from reports.sentence import objective_name, sentence, state
 from reports.units import Display, display, number
 
 DESIGNS = 6  # shapes shown at most: two rows of a page
@@ -47,7 +47,7 @@ def gather(run: RunDirectory) -> Facts:
         result(rows, [level["name"] for level in levels]),
         campaign.steps(run.generations, rows),
         campaign.stages(run.generations, rows, top_work),
-        str(run.header["objective"]).replace("_", " "),
+        objective_name(run.header),
         display(unit, [r.value for r in rows]),
     )  # fmt: skip
 
@@ -64,15 +64,15 @@ def context(run: RunDirectory, describe: Describe) -> dict[str, Any]:
         "study": _study(run),
         "end": run.end,
         "state": state(run.end, facts.rows),
-        "sentence": sentence(facts.result, facts.rows, facts.name, facts.shown),
+        "sentence": sentence(
+            facts.result, facts.rows, facts.name, facts.shown, ended=run.end is not None
+        ),
         "name": facts.name,
         "unit": facts.shown.unit,
         "result": facts.result,
         "best": best,
         "cards": cards(facts, best),
-        "designs": [
-            (v.label, _data("image/png", s)) for v, s in zip(views, shapes, strict=True)
-        ],
+        "designs": [(v.label, _data("image/png", s)) for v, s in zip(views, shapes, strict=True)],
         "scene": viewer.scene(views) if views else None,
         **_tables(facts),
         **_figures(facts, best, baseline),
@@ -87,6 +87,7 @@ def _tables(facts: Facts) -> dict[str, Any]:
     its, header = facts.result, facts.header
     levels = [level["name"] for level in header["levels"]]
     best = solutions(facts.rows, levels)
+    dosing = any(np.isfinite(r.filling_time) for r in facts.rows)
     coverage = None
     if its is not None and its.objective is not None:
         interval = its.objective.reduction_interval
@@ -96,12 +97,13 @@ def _tables(facts: Facts) -> dict[str, Any]:
         "ladder": tables.ladder(header),
         "comparison": tables.comparison_lines(its, facts.name, facts.shown) if its else [],
         "coverage": coverage,
-        "confirmations": tables.confirmations(its, facts.shown) if its else [],
+        "confirmations": tables.confirmations(its, facts.shown, dosing=dosing) if its else [],
         "solutions": tables.best_solutions(header, best, facts.shown) if best else [],
         "work": tables.work(facts.stages),
         "failures": campaign.failures(facts.rows),
         "restarts": charts.restarts(facts.steps),
         "seeds": sorted({r.seed for r in facts.rows if r.purpose == "search"}),
+        "dosing": dosing,
         "fresh_seeds": sorted({r.seed for r in facts.rows if r.purpose != "search"}),
     }
 

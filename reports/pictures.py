@@ -91,7 +91,9 @@ def _front(cuts: Sequence[Array], positions: Array) -> raster.View:
     grains = positions.reshape(-1, 3)
     grains = grains[np.isfinite(grains).all(axis=1)][:, [0, 2]]
     across = np.concatenate((upright if len(upright) else walls, grains))
-    inside = np.concatenate((walls, np.quantile(grains, [0.0, 1.0], axis=0))) if len(grains) else walls
+    inside = (
+        np.concatenate((walls, np.quantile(grains, [0.0, 1.0], axis=0))) if len(grains) else walls
+    )
     corners = np.array([
         (across[:, 0].min(), 0.0, inside[:, 1].min()),
         (across[:, 0].max(), 0.0, inside[:, 1].max()),

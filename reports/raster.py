@@ -9,8 +9,11 @@ from `SAMPLES` x `SAMPLES` finer ones against jagged edges.
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from mfopt.arrays import Array, IntArray
+from mfopt.arrays import AnyArray, Array, IntArray
+
+Pixels = NDArray[np.float32]
 
 SAMPLES = 2  # finer pixels per side of a pixel
 AMBIENT, DIFFUSE = 0.45, 0.55  # shares of light, for a matt surface
@@ -57,8 +60,8 @@ class View:
 class Picture:
     """What has been drawn so far."""
 
-    colour: Array  # (rows, columns, 3) 0..1
-    near: Array  # (rows, columns) nearness in finer pixels; -inf where nothing is
+    colour: Pixels  # (rows, columns, 3) 0..1
+    near: Pixels  # (rows, columns) nearness in finer pixels; -inf where nothing is
 
 
 def axes_from(azimuth: float, elevation: float) -> Array:
@@ -78,7 +81,10 @@ def window(axes: Array, points: Array, *, height_px: int, margin: float = 0.01) 
 
 def blank(view: View) -> Picture:
     """An empty white picture."""
-    return Picture(np.ones((*view.shape, 3)), np.full(view.shape, -np.inf))
+    return Picture(
+        np.ones((*view.shape, 3), dtype=np.float32),
+        np.full(view.shape, -np.inf, dtype=np.float32),
+    )
 
 
 def draw_mesh(
@@ -106,12 +112,13 @@ def draw_mesh(
     return Picture(mixed, kept)
 
 
-def _surface(view: View, corners: Array) -> tuple[Array, Array]:
+def _surface(view: View, corners: Array) -> tuple[Pixels, Pixels]:
     """Nearness and brightness of triangles (t, 3, 3) of column, row, nearness, per pixel.
 
     Within a triangle nearness and the two barycentric weights are linear in column and row.
     """
-    near, light = np.full(view.shape, -np.inf), np.zeros(view.shape)
+    near = np.full(view.shape, -np.inf, dtype=np.float32)
+    light = np.zeros(view.shape, dtype=np.float32)
     a, ab, ac = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     normals = np.cross(ab, ac)
     seen = np.abs(normals[:, 2]) > 1e-9  # the others are seen edge on
@@ -136,7 +143,7 @@ def _surface(view: View, corners: Array) -> tuple[Array, Array]:
     return near, light
 
 
-def _edges(near: Array, scale: float) -> Array:
+def _edges(near: Pixels, scale: float) -> AnyArray:
     """Where the surface ends or steps back by more than `OUTLINE_JUMP`."""
     there = np.isfinite(near)
     far = np.pad(np.where(there, near, -1e9), 1, constant_values=-1e9)
@@ -167,8 +174,8 @@ def draw_spheres(
 
 
 def _hit(
-    near: Array, seen: Array, r: Array, corner: IntArray, offset: tuple[int, int]
-) -> tuple[IntArray, Array, IntArray, Array] | None:
+    near: Pixels, seen: Array, r: Array, corner: IntArray, offset: tuple[int, int]
+) -> tuple[IntArray, Pixels, IntArray, Array] | None:
     """Pixels at one offset from the spheres' centres: index, nearness, sphere, brightness."""
     rows, columns = near.shape
     place = corner + np.array(offset)
@@ -181,11 +188,13 @@ def _hit(
     height = np.sqrt(1.0 - square[who])
     normal = np.column_stack((away[who, 0], -away[who, 1], height))
     brightness = SPHERE_AMBIENT + (1.0 - SPHERE_AMBIENT) * np.clip(normal @ LIGHT, 0.0, 1.0)
-    return place[who, 1] * columns + place[who, 0], seen[who, 2] + r[who] * height, who, brightness
+    depth = (seen[who, 2] + r[who] * height).astype(np.float32)
+    return place[who, 1] * columns + place[who, 0], depth, who, brightness
 
 
-def finish(picture: Picture) -> Array:
+def finish(picture: Picture) -> NDArray[np.uint8]:
     """The picture (height, width, 3) as bytes 0..255, averaged from the finer pixels."""
     rows, columns, _ = picture.colour.shape
     fine = picture.colour.reshape(rows // SAMPLES, SAMPLES, columns // SAMPLES, SAMPLES, 3)
-    return np.asarray(np.round(255.0 * fine.mean(axis=(1, 3)).clip(0.0, 1.0)).astype(np.uint8))
+    mean = fine.mean(axis=(1, 3)).clip(0.0, 1.0)
+    return np.asarray(np.round(255.0 * mean), dtype=np.uint8)

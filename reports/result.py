@@ -48,7 +48,11 @@ def result(rows: Sequence[Row], levels: Sequence[str]) -> Result | None:
         found = solutions(rows, levels, 1)
         return Result(found[0], (), baseline, None, None) if found else None
     its = tuple(r for r in confirmed if np.array_equal(r.x, confirmed[-1].x))
-    search = (r for r in rows if r.purpose == "search" and np.array_equal(r.x, its[0].x))
+    search = (
+        r
+        for r in rows
+        if r.purpose == "search" and r.level == its[0].level and np.array_equal(r.x, its[0].x)
+    )
     return Result(
         next(search, its[0]),
         its,

@@ -1,12 +1,19 @@
 """The result in one sentence, and what must be said about how far the run has come."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from reports.result import Result
 from reports.rows import Row
 from reports.statistics import Comparison, Interval
 from reports.units import Display, display, number
+
+
+def objective_name(header: Mapping[str, Any]) -> str:
+    """The study's objective in words."""
+    name = str(header["objective"])
+    return "objective value" if name == "returned" else name.replace("_", " ")
 
 
 def state(end: str | None, rows: Sequence[Row]) -> str | None:
@@ -17,7 +24,9 @@ def state(end: str | None, rows: Sequence[Row]) -> str | None:
     return f"This run has not ended: it is still running, or it broke off ({made})."
 
 
-def sentence(result: Result | None, rows: Sequence[Row], name: str, shown: Display) -> str:
+def sentence(
+    result: Result | None, rows: Sequence[Row], name: str, shown: Display, *, ended: bool
+) -> str:
     """The result in one sentence.
 
     Args:
@@ -25,11 +34,12 @@ def sentence(result: Result | None, rows: Sequence[Row], name: str, shown: Displ
         rows: all evaluations.
         name: of the objective, in words.
         shown: how its values are shown.
+        ended: whether the run has ended.
     """
     if result is None:
         return "No run has finished yet, so there is no result." if rows else "Nothing has run yet."
     if result.objective is None or not math.isfinite(result.objective.median_best):
-        return _unconfirmed(result, name, shown)
+        return _unconfirmed(result, name, shown, so_far="" if ended else " so far")
     its = result.objective
     text = (
         f"The best design has a median {name} of {shown.full(its.median_best)} over "
@@ -44,12 +54,18 @@ def sentence(result: Result | None, rows: Sequence[Row], name: str, shown: Displ
     return text + "."
 
 
-def _unconfirmed(result: Result, name: str, shown: Display) -> str:
+def _unconfirmed(result: Result, name: str, shown: Display, *, so_far: str) -> str:
     row = result.found
-    text = f"The best design so far has a {name} of {shown.full(row.value)} in one run"
+    text = (
+        f"The best design{so_far} has {_article(name)} {name} of {shown.full(row.value)} in one run"
+    )
     if math.isfinite(row.filling_time):
         text += f" and a filling time of {display('s', row.filling_time).full(row.filling_time, 3)}"
     return text + f" at level {row.level}; fresh seeds have not confirmed it."
+
+
+def _article(word: str) -> str:
+    return "an" if word[:1].lower() in "aeiou" else "a"
 
 
 def against(comparison: Comparison, shown: Display) -> str:

@@ -10,9 +10,9 @@ from mfopt.arrays import Array
 from reports.campaign import Stage
 from reports.result import Result
 from reports.rows import Row
-from reports.sentence import at_bounds, interval_text
+from reports.sentence import at_bounds, interval_text, objective_name
 from reports.statistics import Comparison, median_interval
-from reports.units import MISSING, Display, display, number
+from reports.units import MISSING, Display, design_display, display, number
 
 PERCENT = Display(1.0, "%")
 
@@ -34,7 +34,7 @@ class VariableLine:
 
 def variable_displays(variables: Sequence[Mapping[str, Any]]) -> list[Display]:
     """How the values of each variable are shown."""
-    return [display(v["unit"], [v["lower"], v["upper"]]) for v in variables]
+    return [design_display(v["unit"], v["lower"], v["upper"]) for v in variables]
 
 
 def variables(header: Mapping[str, Any], best: Array | None) -> list[VariableLine]:
@@ -96,12 +96,13 @@ def _comparison(label: str, its: Comparison, shown: Display) -> list[str]:
     ]  # fmt: skip
 
 
-def confirmations(result: Result, shown: Display) -> list[list[str]]:
-    """Seed by seed: objective, filling time [ms], and grains left, of best and of baseline."""
+def confirmations(result: Result, shown: Display, *, dosing: bool) -> list[list[str]]:
+    """Seed by seed the objective of best and baseline; for dosing more: time, grains left."""
     best = {r.seed: r for r in result.confirmations}
     baseline = {r.seed: r for r in result.baseline}
+    cells = 3 if dosing else 1
     return [
-        [str(seed), *_run(best.get(seed), shown), *_run(baseline.get(seed), shown)]
+        [str(seed), *_run(best.get(seed), shown)[:cells], *_run(baseline.get(seed), shown)[:cells]]
         for seed in sorted(best.keys() | baseline.keys())
     ]
 
@@ -118,7 +119,7 @@ def best_solutions(
 ) -> list[tuple[str, str, list[str]]]:
     """Name, unit and one value per solution: its results first, then its variables."""
     lines = [
-        (str(header["objective"]).replace("_", " "), shown.unit, [shown.text(r.value) for r in rows]),
+        (objective_name(header), shown.unit, [shown.text(r.value) for r in rows]),
         ("filling time", "ms", [number(r.filling_time * 1e3, 3) for r in rows]),
         ("grains left", MISSING, [_whole(r.left_in_cup + r.left_in_hopper) for r in rows]),
         ("level", "", [r.level for r in rows]),

@@ -1,13 +1,16 @@
 """Numbers and units as a reader wants them; everywhere else SI units hold."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 LARGEST_SMALL = 10.0  # [s] or [m]: below it ms and mm read better, as on drawings
-MISSING = "–"
+MISSING = "\u2013"  # en dash
+SUPERSCRIPT = str.maketrans(
+    "0123456789-", "\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079\u207b"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,6 +19,7 @@ class Display:
 
     factor: float
     unit: str
+    decimals: int | None = None  # fixed, or None: to so many significant digits
 
     @property
     def bracket(self) -> str:
@@ -24,6 +28,8 @@ class Display:
 
     def text(self, value: float | None, significant: int = 4) -> str:
         """The number alone, without its unit."""
+        if value is not None and self.decimals is not None and math.isfinite(value):
+            return fixed(value * self.factor, self.decimals)
         return number(None if value is None else value * self.factor, significant)
 
     def full(self, value: float | None, significant: int = 4) -> str:
@@ -55,11 +61,22 @@ def number(value: float | None, significant: int = 4) -> str:
         return "failed"
     if value == 0.0:
         return "0"
-    magnitude = math.floor(math.log10(abs(value)))
+    rounded = float(f"{value:.{significant - 1}e}")  # 9.9999 has the magnitude of 10
+    magnitude = math.floor(math.log10(abs(rounded)))
     if not -4 <= magnitude < 7:
-        return f"{value:.{significant - 1}e}".replace("-", "\u2212")
-    decimals = max(0, significant - 1 - magnitude)
+        power = str(magnitude).translate(SUPERSCRIPT)
+        return f"{fixed(value / 10.0**magnitude, significant - 1)}\u00b710{power}"
+    return fixed(value, max(0, significant - 1 - magnitude))
+
+
+def fixed(value: float, decimals: int) -> str:
+    """A number to so many decimals, with a true minus and no negative zero."""
     rounded = f"{value:.{decimals}f}"
-    if float(rounded) == 0.0:
-        return "0"
-    return rounded.replace("-", "\u2212")
+    return rounded.lstrip("-") if float(rounded) == 0.0 else rounded.replace("-", "\u2212")
+
+
+def design_display(unit: str, lower: float, upper: float) -> Display:
+    """How a design variable is shown: decimals that resolve a thousandth of its range."""
+    shown = display(unit, [lower, upper])
+    decimals = math.floor(3.0 - math.log10((upper - lower) * shown.factor))
+    return replace(shown, decimals=max(0, decimals))

@@ -6,7 +6,7 @@
   if (!canvas) return;
   const scene = JSON.parse(document.getElementById("viewer-data").textContent);
   const designs = scene.designs;
-  const gl = canvas.getContext("webgl2", { antialias: true, preserveDrawingBuffer: true });
+  const gl = canvas.getContext("webgl2", { alpha: false, antialias: true });
   if (!gl) {
     canvas.closest(".stage").classList.add("without-webgl");
     return;
@@ -65,7 +65,7 @@
   const uploaded = designs.map(() => null);
   const partsOf = (i) => (uploaded[i] ??= designs[i].parts.map(upload));
 
-  const start = { azimuth: 0.56, elevation: 0.28, zoom: 1.25 };
+  const start = { azimuth: 0.56, elevation: 0.28, zoom: 1.05 };
   let { azimuth, elevation, zoom } = start;
   let shown = 0, waiting = false;
 

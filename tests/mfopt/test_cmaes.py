@@ -53,7 +53,7 @@ def test_without_restarts_it_is_pycma() -> None:
     expected = []
     for generation in range(12):
         opening = [p.to_z(p.baseline)] if generation == 0 else []
-        z = opening + [es.ask(1)[0] for _ in range(8 - len(opening))]
+        z = opening + es.ask(8 - len(opening))
         es.tell(z, [sphere(p.to_x(row)) for row in z])
         expected += [p.to_x(row) for row in z]
     np.testing.assert_array_equal(designs, expected)

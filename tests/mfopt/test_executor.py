@@ -10,7 +10,7 @@ import pytest
 from mfopt.arrays import Array
 from mfopt.errors import ConfigError
 from mfopt.evaluation import Candidate
-from mfopt.executor import InProcess, MakeExecutor, Runner, dask_cluster, local_processes
+from mfopt.executor import MakeExecutor, Runner, dask_cluster, local_processes, one_thread
 from mfopt.level import Ladder
 from mfopt.outcome import Outcome
 
@@ -51,11 +51,11 @@ def dask_address() -> Iterator[str]:
 
 
 @pytest.mark.filterwarnings("ignore")  # Dask's own, at shutdown
-@pytest.mark.parametrize("where", ["in process", "local processes", "dask"])
+@pytest.mark.parametrize("where", ["one thread", "local processes", "dask"])
 def test_every_executor_gives_the_same_outcomes(
     where: str, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
-    make: MakeExecutor = InProcess
+    make: MakeExecutor = one_thread
     if where == "local processes":
         make = local_processes(2)
     if where == "dask":

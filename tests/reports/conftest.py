@@ -182,7 +182,8 @@ def describe(x: Array) -> DesignView:
         label="", x=x, parts={"cup": skin(cup), "plate": skin(plate), "hopper": skin(hopper),
                               "tube": skin([ring(*tube, h) for h in (-0.26, -0.56)])},
         motion_times=times, cup_positions=position, cup_velocities=np.gradient(position, times),
-        motion_points={"P1": (PERIOD * x[8], STROKE * x[9]), "P2": (PERIOD * x[10], STROKE * x[11])},
+        motion_points={"P1": (PERIOD * x[8], STROKE * x[9]),
+                       "P2": (PERIOD * x[10], STROKE * x[11])},
         notes=("The smallest wall angle to the vertical is 3.1°.", "The sheet is not developable."),
         bound_s=0.262, bound_any_s=0.187,
         grain_offsets=np.column_stack((np.linspace(-5.5, 5.5, 5) * MM, np.zeros(5), np.zeros(5))),
@@ -239,7 +240,7 @@ def own_run(tmp_path: Path) -> RunDirectory:
     return user_run(tmp_path / "own")
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def machine() -> Callable[[Array], DesignView]:
     """The description of the invented machine."""
     return describe

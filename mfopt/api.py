@@ -1,10 +1,9 @@
-"""Minimise the user's own simulator over a ladder of levels, in one call."""
+"""`minimize`: the user's own simulators over a ladder of levels, in one call."""
 
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from time import process_time
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,44 +12,14 @@ from mfopt.arrays import Array, frozen
 from mfopt.cmaes import CmaEs
 from mfopt.errors import MfoptError
 from mfopt.evaluation import Evaluation
-from mfopt.executor import InProcess, Runner, local_processes
+from mfopt.executor import Runner, local_processes, one_thread
+from mfopt.function_level import FunctionLevel, Simulator
 from mfopt.header import header
 from mfopt.level import Ladder, Level
-from mfopt.outcome import Outcome, Status
 from mfopt.problem import Constraint, Problem, Variable
 from mfopt.run import best_of, run_study
 from mfopt.search import Stage
 from mfopt.store import create, open_run, writing
-
-Simulator = Callable[[Array, int], float]  # (x (d,), seed) -> objective value
-
-
-@dataclass(frozen=True, slots=True)
-class FunctionLevel:
-    """A Python function as a level: `function(x, seed)` returns the number to minimise."""
-
-    name: str
-    function: Simulator
-    work_per_run: float = 1.0
-
-    def work(self, x: Array) -> float:
-        """Work of one run, in the user's own unit."""
-        return self.work_per_run
-
-    def evaluate(self, x: Array, *, seed: int) -> Outcome:
-        """Call the function once; an exception or a value that is no number is a crash."""
-        began = process_time()
-        status: Status = "finished"
-        why, raw = None, {}
-        try:
-            f = float(self.function(x, seed))
-            raw = {"f": np.asarray(f)}
-            if not np.isfinite(f):
-                status, why = "crashed", f"the function returned {f}"
-        except Exception as error:
-            status, why = "crashed", f"{type(error).__name__}: {error}"
-        cpu_s = process_time() - began
-        return Outcome(x, self.name, seed, status, why, raw, self.work_per_run, cpu_s)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,7 +76,7 @@ def minimize(
     )  # fmt: skip
     stages = [Stage(ladder[n].name, g, size, sigma, "returned", seeds) for n, g in plan.items()]
     search = CmaEs(problem, stages, seed=seed)
-    runner = Runner(local_processes(workers) if workers > 1 else InProcess)
+    runner = Runner(local_processes(workers) if workers > 1 else one_thread)
     with tempfile.TemporaryDirectory(prefix="mfopt-") as scratch:
         path = Path(directory) if directory is not None else Path(scratch) / "run"
         if not (path / "run.json").exists():

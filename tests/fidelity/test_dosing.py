@@ -1,0 +1,116 @@
+import pickle
+
+import numpy as np
+import pytest
+
+from fidelity.dosing import cup_motion, design, design_parts, dosing_problem, plate
+from fidelity.settings import CupSettings, DosingSettings
+from geometry.mesh import merged, open_edges
+from mfopt.arrays import Array
+from mfopt.errors import ConfigError, InvalidDesign
+
+SETTINGS = DosingSettings()
+PROBLEM = dosing_problem(SETTINGS)
+
+
+def with_values(**values: float) -> Array:
+    return np.array([{**PROBLEM.named(PROBLEM.baseline), **values}[n] for n in PROBLEM.names])
+
+
+def test_baseline_is_a_straight_hopper_and_a_constant_speed() -> None:
+    machine = design(SETTINGS, PROBLEM.baseline)
+    z = np.linspace(0.0, -0.26, 14)
+    share = z[:, None] / -0.26
+    expected = (1 - share) * [0.150, 0.115, 0.025, 0.0] + share * [0.095, 0.070, 0.025, 0.0]
+    assert machine.loft.values(z) == pytest.approx(expected, abs=1e-12)
+    assert cup_motion(SETTINGS, PROBLEM.baseline).velocities == pytest.approx(
+        np.full(601, 0.4 / 0.6), rel=1e-9
+    )
+
+
+def test_units_and_bounds_are_those_of_the_user() -> None:
+    assert {v.name: v.unit for v in PROBLEM.variables}["l1"] == "mm"
+    assert {v.name: (v.lower, v.upper) for v in PROBLEM.variables}["v"] == (0.2, 4)
+
+
+def test_cup_goes_from_half_a_stroke_before_to_half_a_stroke_behind() -> None:
+    motion = cup_motion(SETTINGS, with_values(y1=0.6, y2=0.3, v=2.0))
+    assert motion.positions[[0, -1]] == pytest.approx([-0.2, 0.2], abs=1e-12)
+    assert motion.velocities[[0, -1]] == pytest.approx(np.full(2, 2.0 * 0.4 / 0.6), rel=1e-9)
+    travelled = np.concatenate([[0.0], np.cumsum(np.diff(motion.times) * (
+        motion.velocities[1:] + motion.velocities[:-1]) / 2)])  # fmt: skip
+    assert motion.positions[0] + travelled == pytest.approx(motion.positions, abs=1e-4)
+
+
+def test_plate_carries_the_cup_over_its_whole_travel() -> None:
+    x = with_values(x1=0.45, y1=0.1, x2=0.55, y2=0.9)  # overshoots the end
+    machine = design(SETTINGS, x)
+    farthest = np.abs(machine.cup_position(np.linspace(0, 0.6, 2001))).max()
+    reach = np.abs(plate(machine, 1e-3).vertices).max(axis=0)
+    assert farthest > 0.2
+    assert reach[0] > farthest + 0.065
+    assert reach[1] > 0.05
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"w1": 60.0, "r1": 45.0}, "radius"),
+        ({"l2": 150.0, "w2": 50.0, "r2": 40.0}, "radius"),
+    ],
+)
+def test_a_design_that_cannot_be_built_is_named(values: dict[str, float], message: str) -> None:
+    x = with_values(**values)
+    why = PROBLEM.impossible(x)
+    assert why is not None
+    assert message in why
+    with pytest.raises(InvalidDesign, match=message):
+        design(SETTINGS, x)
+
+
+def test_motion_with_its_points_exchanged_is_refused() -> None:
+    settings = DosingSettings(free={"x1": (0.05, 0.9), "x2": (0.1, 0.95)})
+    why = dosing_problem(settings).impossible(np.array([0.8, 0.3]))
+    assert why is not None
+    assert "x1" in why
+
+
+def test_values_of_hole_and_tube_can_be_freed() -> None:
+    settings = DosingSettings(free={"l0": (140, 170), "s3": (-10, 10), "z1": (-100, -50)})
+    problem = dosing_problem(settings)
+    assert dict(problem.named(problem.baseline)) == {"l0": 150, "s3": 0, "z1": -80}
+    machine = design(settings, np.array([160.0, 5.0, -60.0]))
+    assert machine.hole.length == pytest.approx(0.160)
+    assert machine.loft.sections[3].shift == pytest.approx(0.005)
+    assert machine.loft.heights[1] == pytest.approx(-0.060)
+
+
+def test_crossed_sections_and_short_tube_are_invalid_designs() -> None:
+    settings = DosingSettings(free={"z1": (-200, -50), "z3": (-540, -200)})
+    problem = dosing_problem(settings)
+    assert "crossed" in (problem.impossible(np.array([-190.0, -260.0])) or "")
+
+
+def test_a_baseline_that_cannot_be_built_is_wrong_input() -> None:
+    with pytest.raises(ConfigError, match="baseline design cannot be built"):
+        dosing_problem(DosingSettings(values={"r1": 45.0, "w1": 60.0}))
+    with pytest.raises(ConfigError, match="outside its bounds"):
+        dosing_problem(DosingSettings(values={"v": 9.0}))
+    with pytest.raises(ConfigError, match="cup"):
+        dosing_problem(DosingSettings(cup=CupSettings(radius_mm=60)))
+
+
+def test_parts_for_viewing_fit_together() -> None:
+    parts = design_parts(SETTINGS, PROBLEM.baseline)
+    assert list(parts) == ["cup", "plate", "hopper", "tube"]
+    assert parts["cup"].vertices[:, 0].mean() == pytest.approx(-0.2, abs=1e-9)
+    whole = merged([parts["plate"], parts["hopper"], parts["tube"]])
+    rims = whole.vertices[np.unique(open_edges(whole))]
+    at_end = np.isclose(rims[:, 2], -0.56)
+    on_plate_edge = np.isclose(rims[:, 2], 0.0) & (np.abs(rims[:, 0]) > 0.2)
+    assert (at_end | on_plate_edge).all()  # no open seam between hole, hopper and tube
+
+
+def test_problem_can_be_sent_to_another_process() -> None:
+    again = pickle.loads(pickle.dumps(PROBLEM))
+    assert again.impossible(PROBLEM.baseline) is None

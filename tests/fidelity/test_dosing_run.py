@@ -1,0 +1,118 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from fidelity.dosing import design, dosing_problem
+from fidelity.dosing_run import COLLAR, dosing_grain, dosing_setup, packing_order, tally
+from fidelity.engine import Movement, Packing, Setup
+from fidelity.portion import loose_portion, sphere_centres
+from fidelity.settings import DemSettings, DosingSettings
+
+SETTINGS = DosingSettings()
+PROBLEM = dosing_problem(SETTINGS)
+MACHINE = design(SETTINGS, PROBLEM.baseline)
+DEM = DemSettings(grains=6, spheres_per_grain=3)
+ORDER = packing_order(SETTINGS, DEM, seed=0)
+
+
+def loose() -> Packing:
+    return loose_portion(ORDER.grain, ORDER.cup.section, DEM.grains, 0, chordal_error=1e-3)
+
+
+def setup() -> Setup:
+    return dosing_setup(SETTINGS, MACHINE, ORDER, loose(), snapshots=4)
+
+
+def movement_to(positions: list[list[float]], exit_times: list[float]) -> Movement:
+    n = len(positions)
+    return Movement(
+        status="finished",
+        why=None,
+        exit_times=np.array(exit_times),
+        positions=np.array(positions),
+        orientations=np.tile([1.0, 0, 0, 0], (n, 1)),
+        velocities=np.zeros((n, 3)),
+        end_time=0.8,
+        steps=1,
+        sphere_steps=1.0,
+        timestep=1e-4,
+        max_overlap=0.0,
+        max_kinetic_energy=0.0,
+        cpu_s=0.0,
+    )
+
+
+def test_every_grain_is_counted_where_it_is() -> None:
+    nan = np.nan
+    where = [
+        [0.0, 0.0, -0.561],  # passed
+        [0.01, 0.02, -0.560],  # passed, earlier
+        [0.2, 0.0, 0.05],  # in the cup at its final place
+        [-0.1, 0.0, 0.01],  # on the plate
+        [0.0, 0.0, -0.1],  # in the hopper
+        [0.3, 0.0, -0.56],  # fell beside the tube
+    ]
+    count = tally(MACHINE, setup(), movement_to(where, [0.6, 0.5, nan, nan, nan, 0.7]))
+    assert count.passed.tolist() == [0.5, 0.6]
+    assert (count.left_in_cup, count.left_on_plate, count.left_in_hopper) == (2, 1, 1)
+    assert count.lost == 1
+    assert count.first_lost == "x = 300, y = 0, z = -560 mm"
+
+
+@pytest.mark.parametrize("place", [[0.1, 0.0, -0.2], [0.0, 0.0, 0.4], [1.0, 0.0, 0.01]])
+def test_a_grain_outside_of_the_machine_is_lost(place: list[float]) -> None:
+    assert tally(MACHINE, setup(), movement_to([place], [np.nan])).lost == 1
+
+
+def test_counts_add_up_wherever_the_grains_are() -> None:
+    rng = np.random.default_rng(0)
+    where = rng.uniform([-0.4, -0.2, -0.6], [0.4, 0.2, 0.3], (500, 3))
+    times = np.where(where[:, 2] < -0.56, 0.5, np.nan)
+    count = tally(MACHINE, setup(), movement_to(where.tolist(), times.tolist()))
+    assert len(count.passed) + count.left_in_cup + count.left_in_hopper + count.lost == 500
+
+
+def test_grains_start_in_the_cup_half_a_stroke_before_the_hole() -> None:
+    start = setup()
+    packed = loose().positions
+    assert start.packing.positions - packed == pytest.approx(np.tile([-0.2, 0, 0], (6, 1)))
+    cup = next(wall for wall in start.walls if wall.name == "cup")
+    assert cup.moves
+    assert [wall.name for wall in start.walls if wall.moves] == ["cup"]
+    assert np.ptp(cup.vertices[:, 0]) == pytest.approx(0.13, rel=1e-9)
+    assert cup.vertices[:, 2].max() == pytest.approx(COLLAR * MACHINE.cup.height)
+
+
+def test_cup_ends_a_stroke_further() -> None:
+    motion = setup().motion
+    assert motion is not None
+    assert motion.displacements[[0, -1]] == pytest.approx([0.0, 0.4], abs=1e-12)
+    assert motion.times[[0, -1]] == pytest.approx([0.0, 0.6])
+
+
+def test_run_ends_at_the_tube_and_snapshots_lie_within_the_cycle() -> None:
+    start = setup()
+    assert start.exit_z == pytest.approx(-0.56)
+    assert start.snapshot_times.shape == (4,)
+    assert 0 < start.snapshot_times.min() < start.snapshot_times.max() <= 0.6
+
+
+def test_portion_weighs_the_same_at_every_level() -> None:
+    for grains, spheres in ((60, 1), (300, 3), (1000, 5)):
+        grain = dosing_grain(SETTINGS, DemSettings(grains=grains, spheres_per_grain=spheres))
+        assert grains * grain.mass == pytest.approx(1.0)
+
+
+def test_chordal_error_follows_the_grain_unless_given() -> None:
+    given = dataclasses.replace(ORDER, chordal_error=5e-4)
+    dem = DemSettings(grains=6, spheres_per_grain=3, chordal_error_mm=0.5)
+    assert packing_order(SETTINGS, dem, 0).chordal_error == pytest.approx(given.chordal_error)
+    assert ORDER.chordal_error == pytest.approx(0.25 * ORDER.grain.radii[0])
+
+
+def test_spheres_of_a_turned_grain_lie_where_the_quaternion_puts_them() -> None:
+    half = np.sqrt(0.5)
+    upright = Packing(np.array([[1.0, 2.0, 3.0]]), np.array([[half, 0.0, -half, 0.0]]))
+    centres = sphere_centres(ORDER.grain, upright)[0]  # x turned about -y becomes z
+    assert centres == pytest.approx(ORDER.grain.offsets[:, [1, 2, 0]] + [1.0, 2.0, 3.0])

@@ -1,0 +1,369 @@
+"""YADE as an engine: laws of motion, walls that follow their law, runs that must not count."""
+
+import math
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fidelity import yade
+from fidelity.engine import Grain, Material, Packing, Physics, Setup, Wall, WallMotion
+from fidelity.yade import YadeEngine
+from mfopt.arrays import Array
+from mfopt.errors import ConfigError
+
+ROOT = Path(__file__).parents[2]
+
+needs_yade = pytest.mark.skipif(
+    shutil.which("yade") is None, reason="YADE is not installed (apt-get install yade)"
+)
+pytestmark = [pytest.mark.yade, needs_yade]
+
+G = 9.81  # [m/s2]
+R = 2e-3  # [m] radius of the spheres
+DENSITY = 1400.0  # [kg/m3]
+HALF_BOX = 0.03  # [m]
+LIMIT_S = 300.0  # far above what any of these runs needs
+MATERIAL = Material(young_modulus=1e6, poisson_ratio=0.3, friction_angle=0.4, density=DENSITY)
+SMOOTH = replace(MATERIAL, friction_angle=0.0)
+
+
+def rice(axis: int = 0, transverse: float = 1.0) -> Grain:
+    """Five spheres along `axis`, with the mass and the inertia of a cylinder as long."""
+    offsets = np.zeros((5, 3))
+    offsets[:, axis] = 1.25 * R * np.arange(-2, 3)
+    length = 7 * R
+    mass = DENSITY * math.pi * R**2 * length
+    inertia = np.full(3, transverse * mass * (length**2 / 12 + R**2 / 4))
+    inertia[axis] = 0.5 * mass * R**2
+    return Grain(offsets, np.full(5, R), mass, inertia)
+
+
+def box(half: float = HALF_BOX, height: float = 0.3, *, moves: bool = False) -> Wall:
+    """A square box without a lid, its floor at z = 0."""
+    corners = ((-half, -half), (half, -half), (half, half), (-half, half))
+    vertices = np.array([(x, y, z) for z in (0.0, height) for x, y in corners])
+    sides = [
+        t
+        for i in range(4)
+        for t in ((i, (i + 1) % 4, 4 + (i + 1) % 4), (i, 4 + (i + 1) % 4, 4 + i))
+    ]
+    return Wall("box", vertices, np.array([(0, 1, 2), (0, 2, 3), *sides]), moves)
+
+
+def lattice(n: int, seed: int = 0) -> Packing:
+    """Grains in layers in the box, nearly along x, without overlap."""
+    rng = np.random.default_rng(seed)
+    k, row = np.divmod(np.arange(n), 3 * 10)
+    j, i = np.divmod(row, 3)
+    positions = np.array([(i - 1) * 8 * R, (j - 4.5) * 2.6 * R, 2 * R + k * 2.6 * R]).T
+    orientations = np.array([1.0, 0.0, 0.0, 0.0]) + rng.normal(0.0, 0.02, (n, 4))
+    orientations /= np.linalg.norm(orientations, axis=1)[:, None]
+    return Packing(positions + rng.uniform(-0.1 * R, 0.1 * R, (n, 3)), orientations)
+
+
+def single(x: float, y: float, z: float, turn: Array | None = None) -> Packing:
+    unit = np.array([1.0, 0.0, 0.0, 0.0]) if turn is None else turn
+    return Packing(np.array([[x, y, z]]), unit[None])
+
+
+BOXED = Setup(
+    grain=rice(),
+    packing=lattice(40),
+    grain_material=MATERIAL,
+    wall_material=MATERIAL,
+    walls=(box(),),
+    physics=Physics(),
+    duration=0.15,
+    exit_z=-1.0,
+)
+FALL = replace(BOXED, packing=single(0.0, 0.0, 0.4), walls=(), exit_z=0.0, duration=1.0)
+
+
+@pytest.mark.parametrize("damp_gravity", [False, True])
+def test_damping_slows_free_fall_only_when_asked(damp_gravity: bool) -> None:
+    physics = Physics(damping=0.2, damp_gravity=damp_gravity)
+    movement = YadeEngine().move(replace(FALL, physics=physics), time_limit_s=LIMIT_S)
+    acceleration = (1 - 0.2) * G if damp_gravity else G
+    assert movement.status == "finished"
+    assert movement.exit_times[0] == pytest.approx(math.sqrt(2 * 0.4 / acceleration), rel=1e-3)
+    assert movement.max_overlap == 0.0
+
+
+def test_grains_leave_one_by_one_and_no_longer_cost() -> None:
+    heights = np.array([0.1, 0.2, 0.4])
+    packing = Packing(
+        np.array([(0.1 * i, 0.0, h) for i, h in enumerate(heights)]),
+        np.tile([0.5, 0.5, 0.5, 0.5], (3, 1)),
+    )
+    movement = YadeEngine().move(replace(FALL, packing=packing), time_limit_s=LIMIT_S)
+    times = np.sqrt(2 * heights / G)
+    np.testing.assert_allclose(movement.exit_times, times, atol=1e-4)
+    np.testing.assert_allclose(movement.velocities[:, 2], -G * times, atol=G * 2e-3)
+    np.testing.assert_allclose(movement.orientations, packing.orientations, atol=1e-12)
+    assert movement.end_time == pytest.approx(times[-1], abs=2e-3)
+    expected = 5 * times.sum() / movement.timestep
+    assert movement.sphere_steps == pytest.approx(expected, rel=0.01)
+
+
+def test_mass_and_inertia_are_the_grains_own() -> None:
+    # Gravity aside, an impulse J at distance a from the mass centre changes the velocity by J/m
+    # and the spin by J a / I, whatever the contact: their ratio is I / (m a).
+    grain = rice(transverse=2.0)
+    edge = 2.0 * R  # under the last sphere alone, which touches at x = 2.5 R
+    plate = Wall(
+        "plate",
+        np.array([(edge, -0.1, 0.0), (edge, 0.1, 0.0), (0.1, 0.0, 0.0)]),
+        np.array([(0, 1, 2)]),
+    )
+    setup = replace(
+        BOXED,
+        grain=grain,
+        packing=single(0.0, 0.0, R + 0.01),
+        walls=(plate,),
+        grain_material=SMOOTH,
+        wall_material=SMOOTH,
+        physics=Physics(damping=0.0),
+        duration=0.06,
+        snapshot_times=np.array([0.05, 0.054]),
+    )
+    movement = YadeEngine().move(setup, time_limit_s=LIMIT_S)
+    before, after = movement.snapshots["snapshot_orientations"][:, 0]
+    t0, t1 = movement.snapshots["snapshot_times"]
+    angle = 2 * (math.atan2(after[2], after[0]) - math.atan2(before[2], before[0]))
+    spin = abs(angle) / (t1 - t0)
+    change = movement.velocities[0, 2] + G * movement.end_time
+    assert spin > 10.0
+    assert change / spin == pytest.approx(grain.inertia[1] / (grain.mass * 2.5 * R), rel=0.03)
+
+
+def test_a_grain_described_in_another_frame_moves_alike() -> None:
+    # The same body, its long axis called y or z instead of x, its moments permuted to match.
+    half = math.sqrt(0.5)
+    tilt = np.array([math.cos(0.2), 0.1, math.sin(0.2), 0.0])
+    y_to_x = np.array([half, 0.0, 0.0, -half])
+    z_to_x = np.array([half, 0.0, half, 0.0])
+    along_x = replace(BOXED, packing=single(0.0, 0.0, 0.02, unit(tilt)), duration=0.1)
+    expected = YadeEngine().move(along_x, time_limit_s=LIMIT_S)
+    for axis, turn in ((1, y_to_x), (2, z_to_x)):
+        packing = single(0.0, 0.0, 0.02, unit(product(tilt, turn)))
+        setup = replace(along_x, grain=rice(axis), packing=packing)
+        movement = YadeEngine().move(setup, time_limit_s=LIMIT_S)
+        np.testing.assert_allclose(movement.positions, expected.positions, atol=1e-9)
+        np.testing.assert_allclose(movement.velocities, expected.velocities, atol=1e-6)
+
+
+def unit(quaternion: Array) -> Array:
+    return np.asarray(quaternion / np.linalg.norm(quaternion))
+
+
+def product(p: Array, q: Array) -> Array:
+    """The rotation `q`, then `p`."""
+    vector = p[0] * q[1:] + q[0] * p[1:] + np.cross(p[1:], q[1:])
+    return np.array([p[0] * q[0] - p[1:] @ q[1:], *vector])
+
+
+def test_grain_whose_axes_are_not_those_of_its_spheres_is_refused() -> None:
+    bent = replace(rice(), offsets=rice().offsets + np.outer([1, 0, 0, 0, -1], [0, R, 0]))
+    movement = YadeEngine().move(replace(FALL, grain=bent), time_limit_s=LIMIT_S)
+    assert movement.status == "crashed"
+    assert "principal axes" in (movement.why or "")
+
+
+def test_moving_walls_follow_the_law_and_take_the_grains_along() -> None:
+    times = np.linspace(0.0, 0.2, 41)
+    motion = WallMotion(times, 0.05 * (1 - np.cos(np.pi * times / 0.2)))
+    setup = replace(
+        BOXED, walls=(box(moves=True),), motion=motion, duration=0.4, packing=lattice(12)
+    )
+    movement = YadeEngine().move(setup, time_limit_s=LIMIT_S)
+    assert movement.status == "finished"
+    assert np.isnan(movement.exit_times).all()
+    assert (np.abs(movement.positions[:, 0] - 0.1) < HALF_BOX).all()
+
+
+def test_sphere_pushed_by_a_wall_is_where_the_wall_is() -> None:
+    # A wall that accelerates steadily pushes with m a, so the overlap is m a / k_n.
+    grain = Grain(np.zeros((1, 3)), np.array([R]), 4.7e-5, np.full(3, 7.5e-11))
+    plate = Wall(
+        "plate",
+        np.array([(-R, -0.1, -0.1), (-R, 0.1, -0.1), (-R, 0.0, 0.2)]),
+        np.array([(0, 1, 2)]),
+        moves=True,
+    )
+    times = np.linspace(0.0, 0.2, 201)
+    motion = WallMotion(times, 0.5 * 4.0 * times**2)  # 4 m/s2
+    setup = replace(
+        BOXED,
+        grain=grain,
+        packing=single(0.0, 0.0, 0.0),
+        walls=(plate,),
+        motion=motion,
+        physics=Physics(gravity=0.0, damping=0.3),
+        duration=0.19,
+    )
+    movement = YadeEngine().move(setup, time_limit_s=LIMIT_S)
+    assert movement.status == "finished"
+    reached = 0.5 * 4.0 * movement.end_time**2
+    assert movement.positions[0, 0] == pytest.approx(reached, abs=1e-4)
+    assert movement.velocities[0, 0] == pytest.approx(4.0 * movement.end_time, rel=0.05)
+
+
+def test_overlap_with_a_wall_is_weight_over_stiffness() -> None:
+    # YADE gives a wall's side of the contact twice the sphere's radius: k_n = 4/3 E r.
+    mass = 0.02
+    overlap = mass * G / (4 / 3 * MATERIAL.young_modulus * R)
+    grain = Grain(np.zeros((1, 3)), np.array([R]), mass, np.full(3, 0.4 * mass * R**2))
+    packing = single(0.001, 0.002, R - overlap)
+    undamped = Physics(damping=0.0)  # damping allows any force within its own range at rest
+    setup = replace(BOXED, grain=grain, packing=packing, physics=undamped, duration=0.02)
+    movement = YadeEngine().move(setup, time_limit_s=LIMIT_S)
+    assert movement.max_overlap == pytest.approx(overlap / R, rel=1e-3)
+    assert movement.max_kinetic_energy < 1e-9
+
+
+def test_runs_repeat_bit_for_bit_and_a_trace_changes_nothing(tmp_path: Path) -> None:
+    engine = YadeEngine(trace=tmp_path / "trace")
+    first = YadeEngine().move(BOXED, time_limit_s=LIMIT_S)
+    second = engine.move(BOXED, time_limit_s=LIMIT_S)
+    for field in ("positions", "orientations", "velocities"):
+        assert np.array_equal(getattr(first, field), getattr(second, field))
+    assert first.sphere_steps == second.sphere_steps
+    assert len(list((tmp_path / "trace").glob("spheres.*.vtu"))) >= 10
+    assert engine == YadeEngine()
+
+
+def test_settling_ends_at_rest() -> None:
+    setup = replace(BOXED, settle=True, duration=3.0)
+    movement = YadeEngine().move(setup, time_limit_s=LIMIT_S)
+    assert movement.status == "finished"
+    assert movement.end_time < 3.0
+    assert np.linalg.norm(movement.velocities, axis=1).mean() < 0.01
+    assert (movement.positions[:, 2] > 0.5 * R).all()
+    assert (np.abs(movement.positions[:, :2]) < HALF_BOX).all()
+
+
+def test_idle_run_ends_early() -> None:
+    setup = replace(BOXED, duration=5.0, idle_after=0.02, idle_above_z=0.0)
+    movement = YadeEngine().move(setup, time_limit_s=LIMIT_S)
+    assert movement.status == "finished"
+    assert 0.02 < movement.end_time < 0.03
+    below = replace(setup, idle_above_z=1.0, duration=0.05)  # now all could still pass
+    assert YadeEngine().move(below, time_limit_s=LIMIT_S).end_time > 0.0499
+
+
+@pytest.mark.parametrize("factor", [5.0, 8.0])
+def test_unstable_time_step_is_a_crash(factor: float) -> None:
+    physics = Physics(timestep_factor=factor)
+    movement = YadeEngine().move(replace(BOXED, physics=physics, duration=0.3), time_limit_s=60.0)
+    assert movement.status == "crashed"
+    assert "exploded" in (movement.why or "")
+
+
+def test_explosion_of_overlapping_grains_is_a_crash() -> None:
+    near = np.array([[0.0, 0.0, 0.1], [0.0, 0.5 * R, 0.1]])
+    packing = Packing(near, np.tile([1.0, 0.0, 0.0, 0.0], (2, 1)))
+    movement = YadeEngine().move(replace(BOXED, packing=packing), time_limit_s=LIMIT_S)
+    assert movement.status == "crashed"
+
+
+def test_time_limit() -> None:
+    movement = YadeEngine().move(replace(BOXED, duration=1e3), time_limit_s=4.0)
+    assert movement.status == "timed_out"
+    assert "4 s" in (movement.why or "")
+    assert np.isnan(movement.exit_times).all()
+
+
+def test_longer_words_fall_alike() -> None:
+    if shutil.which("yade-longdouble") is None:
+        pytest.skip("yade-longdouble is not installed")
+    short = YadeEngine().move(FALL, time_limit_s=LIMIT_S)
+    long = YadeEngine(precision="longdouble").move(FALL, time_limit_s=LIMIT_S)
+    assert long.exit_times[0] == pytest.approx(short.exit_times[0], rel=1e-9)
+    assert YadeEngine(precision="longdouble").cost_factor > YadeEngine().cost_factor
+
+
+def test_missing_program_names_the_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(yade.PROGRAMS, "double", "yade-not-there")
+    with pytest.raises(ConfigError, match="apt-get install yade"):
+        YadeEngine().version()
+
+
+def yade_of(keeper_parent: int) -> int | None:
+    """Process id of the YADE that `keeper_parent` started; None if it is not there yet."""
+    for keeper in children(keeper_parent):
+        for child in children(keeper):
+            words = Path(f"/proc/{child}/cmdline").read_bytes().split(b"\0")
+            if any(word.endswith(b"yade_script.py") for word in words):
+                return child
+    return None
+
+
+def children(pid: int) -> list[int]:
+    found: list[int] = []
+    for task in Path(f"/proc/{pid}/task").iterdir():
+        found += [int(word) for word in (task / "children").read_text().split()]
+    return found
+
+
+def wait_for_yade(parent: int, other_than: int = 0) -> int:
+    deadline = time.monotonic() + 60.0
+    while (pid := yade_of(parent)) in (None, other_than):
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    assert pid is not None
+    return pid
+
+
+def test_killed_yade_is_run_once_more_with_the_same_result() -> None:
+    expected = YadeEngine().move(BOXED, time_limit_s=LIMIT_S)
+    results = []
+    run = threading.Thread(
+        target=lambda: results.append(YadeEngine().move(BOXED, time_limit_s=LIMIT_S))
+    )
+    run.start()
+    first = wait_for_yade(os.getpid())
+    os.kill(first, signal.SIGKILL)
+    run.join()
+    assert results[0].status == "finished"
+    assert np.array_equal(results[0].positions, expected.positions)
+
+
+def test_yade_killed_twice_is_a_crash() -> None:
+    results = []
+    long = replace(BOXED, duration=1e3)
+    run = threading.Thread(
+        target=lambda: results.append(YadeEngine().move(long, time_limit_s=LIMIT_S))
+    )
+    run.start()
+    first = wait_for_yade(os.getpid())
+    os.kill(first, signal.SIGKILL)
+    os.kill(wait_for_yade(os.getpid(), other_than=first), signal.SIGKILL)
+    run.join()
+    assert results[0].status == "crashed"
+    assert "signal 9" in (results[0].why or "")
+
+
+def test_yade_dies_with_its_caller(tmp_path: Path) -> None:
+    script = (
+        "from dataclasses import replace\n"
+        "from tests.fidelity.test_yade import BOXED, YadeEngine\n"
+        "YadeEngine().move(replace(BOXED, duration=1e3), time_limit_s=600.0)\n"
+    )
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), *sys.path])}
+    caller = subprocess.Popen([sys.executable, "-c", script], env=environment)
+    running = wait_for_yade(caller.pid)
+    caller.kill()
+    caller.wait()
+    deadline = time.monotonic() + 60.0
+    while Path(f"/proc/{running}").exists():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)

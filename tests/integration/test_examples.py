@@ -1,0 +1,71 @@
+"""The examples and what the README shows, run as they stand."""
+
+import json
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from mfopt.search import Stage
+from mfopt.settings import checked
+from mfopt.study import Study
+
+ROOT = Path(__file__).parent.parent.parent
+README = (ROOT / "README.md").read_text()
+
+
+def mfopt(*arguments: str | Path) -> str:
+    done = subprocess.run(
+        [sys.executable, "-m", "mfopt", *map(str, arguments)],
+        capture_output=True, text=True, check=False, cwd=ROOT,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.mark.parametrize("block", re.findall(r"```python\n(.*?)```", README, re.DOTALL))
+def test_python_of_the_readme(block: str, capsys: pytest.CaptureFixture[str]) -> None:
+    exec(compile(block, "README.md", "exec"), {})
+    if "print(" in block:
+        numbers = [float(n) for n in re.findall(r"-?\d+\.?\d*(?:e-?\d+)?", capsys.readouterr().out)]
+        assert numbers[:2] == pytest.approx([0.3, -1.0], abs=0.03)
+
+
+def test_toml_of_the_readme_is_a_valid_level() -> None:
+    tables = re.findall(r"```toml\n(.*?)```", README, re.DOTALL)
+    assert tables
+    for table in tables:
+        level = tomllib.loads(table)["level"][0]
+        study = {
+            "study": {"name": "s"},
+            "problem": {"scene": "dosing", "objective": "dispersion"},
+            "level": [level],
+            "search": {"stage": [{"level": level["name"], "generations": 1}]},
+        }
+        assert isinstance(checked(Study, study, where="README").search.stages("x")[0], Stage)
+
+
+def test_own_simulator_from_the_command_line(tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    answer = json.loads(mfopt("run", "examples/own-simulator.toml", "-d", run, "--json"))
+    assert answer["level"] == "fine"
+    assert answer["design"]["angle"] == pytest.approx(31.0, abs=3.0)
+    assert answer["design"]["width"] == pytest.approx(0.08, abs=0.02)
+    assert answer["confirmed_median"] < answer["baseline_median"]
+    assert (run / "report.html").stat().st_size > 10_000
+    assert (run / "report.pdf").read_bytes().startswith(b"%PDF")
+
+
+def test_init_writes_a_study_that_is_valid(tmp_path: Path) -> None:
+    mfopt("init", tmp_path / "study.toml")
+    assert "dem-1000" in mfopt("ladder", tmp_path / "study.toml")
+
+
+def test_geometry_writes_what_a_workshop_needs(tmp_path: Path) -> None:
+    said = mfopt("geometry", "examples/rice-quick.toml", "-d", tmp_path, "--set", "l1=150")
+    assert "vertical" in said
+    for name in ("hopper.stl", "cup.stl", "machine.glb"):
+        assert (tmp_path / name).stat().st_size > 1000

@@ -1,0 +1,67 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mfopt
+from mfopt.arrays import Array
+
+
+def shifted_sphere(x: Array, seed: int) -> float:
+    return float(np.sum((x - np.array([0.3, -1.0])) ** 2))
+
+
+BOUNDS = {"a": (0.0, 1.0), "b": (-2.0, 2.0)}
+
+
+def test_finds_the_known_minimum_on_a_ladder() -> None:
+    levels = {"coarse": lambda x, seed: shifted_sphere(x + 0.02, seed), "fine": shifted_sphere}
+    best = mfopt.minimize(levels, BOUNDS, generations={"coarse": 20, "fine": 15})
+    np.testing.assert_allclose(best.x, [0.3, -1.0], atol=0.02)
+    assert best.level == "fine"
+    assert best.f == shifted_sphere(best.x, 0)
+
+
+def test_processes_give_what_one_process_gives() -> None:
+    runs = [mfopt.minimize({"f": shifted_sphere}, BOUNDS, generations=4, workers=n) for n in (1, 2)]
+    np.testing.assert_array_equal(runs[0].x, runs[1].x)
+    assert [e.objective for e in runs[0].evaluations] == [e.objective for e in runs[1].evaluations]
+
+
+def test_a_kept_directory_is_not_run_again(tmp_path: Path) -> None:
+    calls = []
+
+    def counted(x: Array, seed: int) -> float:
+        calls.append(seed)
+        return shifted_sphere(x, seed)
+
+    for _ in range(2):
+        best = mfopt.minimize({"f": counted}, BOUNDS, generations=3, directory=tmp_path / "run")
+    assert len(calls) == len(best.evaluations)
+
+
+def test_failing_function_says_why() -> None:
+    def broken(x: Array, seed: int) -> float:
+        raise RuntimeError("licence expired")
+
+    with pytest.raises(mfopt.MfoptError, match="licence expired"):
+        mfopt.minimize({"f": broken}, BOUNDS, generations=1)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"bounds": {"a": (1.0, 0.0)}}, "exchange them"),
+        ({"bounds": {}}, "no variables"),
+        ({"levels": {}}, "ladder is empty"),
+        ({"generations": {"g": 3}}, "unknown level 'g'"),
+        ({"start": [0.5]}, "baseline has 1 values"),
+        ({"start": [0.5, float("nan")]}, "outside its bounds"),
+        ({"sigma": 0.0}, "sigma = 0.0 must be above 0"),
+        ({"population_size": 1}, "population_size = 1"),
+    ],
+)
+def test_wrong_arguments_are_named(change: dict[str, object], words: str) -> None:
+    arguments: dict[str, object] = {"levels": {"f": shifted_sphere}, "bounds": BOUNDS, **change}
+    with pytest.raises(mfopt.ConfigError, match=words):
+        mfopt.minimize(**arguments)  # type: ignore[arg-type]

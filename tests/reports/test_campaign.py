@@ -1,0 +1,70 @@
+"""What a search cost and how it went, against hand-computed values."""
+
+import math
+
+import numpy as np
+import pytest
+
+from mfopt.evaluation import Generation
+from mfopt.store import RunDirectory
+from reports.campaign import failures, stages, steps
+from reports.rows import Row, read_rows
+
+
+def row(generation: int, value: float, *, level: str = "a", work: float = 1.0, cpu_s: float = 1.0,
+        purpose: str = "search", why: str | None = None) -> Row:  # fmt: skip
+    return Row(0, generation, level, 1, purpose, np.zeros(1), value, math.nan, math.nan,  # type: ignore[arg-type]
+               math.nan, "crashed" if why else "finished", why, work, cpu_s)  # fmt: skip
+
+
+def generation(number: int, level: str = "a", size: int = 2, objective: str = "f") -> Generation:
+    return Generation(number, level, 0, 0.2, size, objective)
+
+
+def test_steps_leave_failed_runs_out_of_best_and_median_but_count_them() -> None:
+    rows = [row(1, 3.0), row(1, 1.0), row(1, math.inf, why="exploded"), row(2, math.inf, why="x")]
+    first, second, third = steps([generation(1), generation(2), generation(3)], rows)
+    assert (first.best, first.median, first.runs, first.failed) == (1.0, 2.0, 3, 1)
+    assert math.isnan(second.best)
+    assert (second.runs, second.failed) == (1, 1)
+    assert (third.runs, third.failed) == (0, 0)  # begun, nothing back yet
+
+
+def test_a_stage_ends_where_level_population_or_objective_change() -> None:
+    generations = [generation(1), generation(2), generation(3, size=4),
+                   generation(4, size=4, objective="g"), generation(5, level="b")]  # fmt: skip
+    made = stages(generations, [row(n, 1.0) for n in range(1, 6)], 1.0)
+    assert [s.generations for s in made] == ["1\u20132", "3", "4", "5", ""]
+    assert made[-1].level == "all"
+
+
+def test_work_is_counted_in_full_runs_and_confirmation_belongs_to_the_total() -> None:
+    rows = [row(1, 1.0, work=2.0, cpu_s=1.0), row(1, 2.0, work=4.0, cpu_s=3.0),
+            row(0, 1.0, work=8.0, cpu_s=5.0, purpose="confirm best")]  # fmt: skip
+    search, confirmation, total = stages([generation(1)], rows, 8.0)
+    assert (search.work, confirmation.work, total.work) == (0.75, 1.0, 1.75)
+    assert (search.mean_cpu_s, search.std_cpu_s) == pytest.approx((2.0, math.sqrt(2.0)))
+    assert total.cpu_s == 9.0
+
+
+def test_stages_of_a_run_hold_every_evaluation_and_all_its_work(finished_run: RunDirectory) -> None:
+    rows = read_rows(finished_run)
+    *parts, total = stages(finished_run.generations, rows, 9e8)
+    assert sum(s.runs for s in parts) == total.runs == len(finished_run)
+    assert sum(s.failed for s in parts) == total.failed > 0
+    assert sum(s.work for s in parts) == pytest.approx(total.work)
+    assert sum(s.cpu_s for s in parts) == pytest.approx(sum(r.cpu_s for r in rows))
+
+
+def test_failures_are_counted_by_reason_most_frequent_first() -> None:
+    rows = [row(1, math.inf, why="hung"), row(1, 1.0), row(2, math.inf, why="exploded"),
+            row(2, math.inf, why="exploded", level="b")]  # fmt: skip
+    exploded, hung = failures(rows)
+    assert (exploded.why, exploded.count, exploded.levels) == ("exploded", 2, "a, b")
+    assert (hung.why, hung.count) == ("hung", 1)
+
+
+def test_a_run_that_gave_no_number_is_a_failure_with_a_reason() -> None:
+    (failure,) = failures([row(1, math.inf)])
+    assert failure.status == "no number"
+    assert failure.why

@@ -1,0 +1,82 @@
+"""What the figures mark, and that every axis carries its unit."""
+
+import itertools
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from mfopt.arrays import Array
+from mfopt.evaluation import Generation
+from mfopt.store import RunDirectory
+from reports import charts
+from reports.campaign import Step, steps
+from reports.design import DesignView
+from reports.rows import read_rows
+from reports.units import display
+
+
+def step(number: int, level: str, why: str = "", best: float = 1.0) -> Step:
+    return Step(Generation(number, level, 0, 0.2, 4, "f", why), best, 2 * best, np.nan, 4, 0)
+
+
+def test_level_changes_are_bands_and_other_restarts_are_marked() -> None:
+    its = [step(1, "a", "start"), step(2, "a", "converged: tolx"),
+           step(3, "b", "level change to b"), step(4, "b")]  # fmt: skip
+    assert charts.bands(its) == [("a", 1, 2), ("b", 3, 4)]
+    assert charts.restarts(its) == [(2, "converged: tolx")]
+
+
+def test_labels_in_a_row_never_overlap() -> None:
+    rng = np.random.default_rng(4)
+    lefts = np.sort(rng.random(30)).tolist()
+    names = ["level " + "x" * int(n) for n in rng.integers(1, 20, 30)]
+    rows = charts.label_rows(lefts, names)
+    for row in set(rows):
+        its = [(x, n) for x, n, r in zip(lefts, names, rows, strict=True) if r == row]
+        for (x, name), (following, _) in itertools.pairwise(its):
+            assert x + 0.011 * len(name) < following
+
+
+@pytest.mark.parametrize(("value", "rounded"), [(3.59, 4.0), (0.012, 0.02), (1.0, 1.0), (0.0, 1.0)])
+def test_scales_end_on_round_numbers(value: float, rounded: float) -> None:
+    assert charts.round_up(value) == pytest.approx(rounded)
+
+
+def test_progress_names_units_levels_restarts_and_failures(finished_run: RunDirectory) -> None:
+    its = steps(finished_run.generations, read_rows(finished_run))
+    svg = charts.progress(its, display("s", [0.1]), "dispersion", 0.262)
+    for text in ("dispersion [ms]", "of the best [ms]", "bullet-300", "yade-1000", "R1", "R2",
+                 "failed runs", "physical lower bound"):  # fmt: skip
+        assert text in svg
+
+
+def test_progress_of_one_generation_and_of_negative_values_draws() -> None:
+    assert "<svg" in charts.progress([step(1, "a", best=-3.0)], display("-", [1.0]), "f", None)
+
+
+def test_progress_over_decades_is_logarithmic() -> None:
+    decades = [step(n, "a", best=10.0**-n) for n in range(1, 5)]
+    flat = [step(n, "a", best=1.0 + 0.1 * n) for n in range(1, 5)]
+    logarithmic, linear = (
+        charts.progress(s, display("-", [1.0]), "f", None) for s in (decades, flat)
+    )
+    assert ">0.001<" in logarithmic
+    assert ">0.001<" not in linear
+
+
+def test_motion_and_passages_carry_units(machine: Callable[[Array], DesignView]) -> None:
+    view = machine(np.full(13, 0.2))
+    motion = charts.motion(view, None)
+    for text in ("cup position [mm]", "cup velocity [m/s]", "[ms]", "P1", "P2"):
+        assert text in motion
+    passages = charts.passages([np.linspace(0.2, 0.5, 50)], [])
+    for text in ("grains passed [%]", "rate [grains/s]", "best (1 run)"):
+        assert text in passages
+    assert "baseline" not in passages
+
+
+def test_figures_repeat_bit_for_bit() -> None:
+    its = [step(n, "a") for n in range(1, 4)]
+    first, second = (charts.progress(its, display("-", [1.0]), "f", None) for _ in range(2))
+    assert first == second

@@ -1,0 +1,39 @@
+"""The result in words."""
+
+import numpy as np
+import pytest
+
+from reports.sentence import against, at_bounds, interval_text, sentence, state
+from reports.statistics import Comparison, Interval
+from reports.units import Display
+
+MS = Display(1e3, "ms")
+
+
+@pytest.mark.parametrize(
+    ("best", "words"), [(0.06, "40.0\u202f% below"), (0.11, "10.0\u202f% above")]
+)
+def test_a_worse_design_is_not_called_better(best: float, words: str) -> None:
+    text = against(Comparison((1,), np.array([best]), np.array([0.1])), MS)
+    assert text == f"{words} the baseline's 100.0\u202fms"
+
+
+def test_without_a_percentage_the_baseline_is_still_named() -> None:
+    text = against(Comparison((1,), np.array([-1.0]), np.array([0.0])), Display(1.0, "kg"))
+    assert text == "against 0\u202fkg of the baseline"
+
+
+def test_a_run_without_a_result_says_so() -> None:
+    assert sentence(None, [], "f", MS, ended=False) == "Nothing has run yet."
+    assert state("done", []) is None
+    assert "has not ended" in str(state(None, []))
+
+
+def test_intervals_and_bounds_in_words() -> None:
+    assert interval_text(Interval(0.061, 0.066, 0.9375), MS) == "61.00 to 66.00\u202fms"
+    assert interval_text(None, MS) == "one seed gives no interval"
+    assert [at_bounds(s) for s in (0.0, 0.5, 1.0)] == [
+        "at its lower bound",
+        "",
+        "at its upper bound",
+    ]

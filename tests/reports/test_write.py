@@ -1,0 +1,175 @@
+"""Whole reports: finished, broken off, empty, and of a user's own problem."""
+
+import json
+import re
+import shutil
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from mfopt.arrays import Array
+from mfopt.store import RunDirectory
+from reports import DesignView, write_report
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("chrome")
+Machine = Callable[[Array], DesignView]
+
+
+@pytest.fixture(scope="module")
+def report(
+    finished_run: RunDirectory, machine: Machine, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Path, Path]:
+    """HTML and PDF of the finished run."""
+    folder = tmp_path_factory.mktemp("report")
+    html, pdf = folder / "report.html", folder / "report.pdf"
+    write_report(finished_run, describe=machine, html=html, pdf=pdf)
+    return html, pdf
+
+
+def words(path: Path) -> str:
+    """Text of a page without its tags, styles and scripts."""
+    text = re.sub(r"<(script|style).*?</\1>", "", path.read_text(encoding="utf-8"), flags=re.S)
+    return re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", text))
+
+
+def test_html_is_self_contained(report: tuple[Path, Path]) -> None:
+    html = report[0].read_text(encoding="utf-8")
+    sources = re.findall(r"""(?:src|href)=["']([^"']*)""", html)
+    assert len(sources) > 8
+    assert all(source.startswith("data:") for source in sources)
+    assert not re.search(r"url\(|@import", html)
+    assert all(alt.strip() for alt in re.findall(r'<img[^>]*alt="([^"]*)"', html))
+    assert html.count("<img") == len(re.findall(r'<img[^>]*alt="', html))
+
+
+def test_html_says_what_was_asked(report: tuple[Path, Path]) -> None:
+    text = words(report[0])
+    for phrase in (
+        "fresh seeds", "below the baseline", "filling time", "physical lower bound",
+        "93.8 %", "Best solutions", "Work and CPU time", "energy grew past 10 J",
+        "y1 and y2 exchanged", "2023.02a", "1001, 1002", "not developable",
+        "typical of generation 1",
+    ):  # fmt: skip
+        assert phrase in text, phrase
+    assert "has not ended" not in text
+
+
+def test_nothing_is_left_beside_the_reports(report: tuple[Path, Path]) -> None:
+    assert sorted(p.name for p in report[0].parent.iterdir()) == ["report.html", "report.pdf"]
+
+
+def test_pdf_has_the_same_sections_and_numbered_pages(report: tuple[Path, Path]) -> None:
+    from pypdf import PdfReader
+
+    pages = [page.extract_text() for page in PdfReader(report[1]).pages]
+    assert 5 <= len(pages) <= 9
+    for number, page in enumerate(pages, start=1):
+        assert f"{number} / {len(pages)}" in page
+    text = " ".join(pages)
+    headings = re.findall(r"<h2>(.*?)</h2>", report[0].read_text(encoding="utf-8"))
+    assert len(headings) >= 8
+    for heading in headings:
+        assert heading in text
+    assert "dispersion [ms]" in text  # figures are drawings with text, not photographs
+
+
+def test_broken_off_run_shows_what_there_is(
+    make_run: Callable[..., RunDirectory], machine: Machine, tmp_path: Path
+) -> None:
+    html, pdf = tmp_path / "r.html", tmp_path / "r.pdf"
+    write_report(make_run(generations=3, finished=False), describe=machine, html=html, pdf=pdf)
+    text = words(html)
+    assert "This run has not ended" in text
+    assert "72 runs made so far" in text
+    assert "fresh seeds have not confirmed it" in text
+    assert "Progress of the search" in text
+    assert pdf.read_bytes().startswith(b"%PDF")
+
+
+def test_empty_run(make_run: Callable[..., RunDirectory], machine: Machine, tmp_path: Path) -> None:
+    html, pdf = tmp_path / "r.html", tmp_path / "r.pdf"
+    write_report(make_run(generations=0, finished=False), describe=machine, html=html, pdf=pdf)
+    text = words(html)
+    assert "Nothing has run yet" in text
+    assert "Versions and seeds" in text
+    assert "Progress of the search" not in text
+    assert pdf.read_bytes().startswith(b"%PDF")
+
+
+def test_user_problem_leaves_out_what_does_not_apply(own_run: RunDirectory, tmp_path: Path) -> None:
+    html = tmp_path / "r.html"
+    write_report(own_run, describe=lambda x: None, html=html)
+    text = words(html)
+    assert "objective value" in text
+    assert "pressure" in text
+    for phrase in ("filling time", "Motion of the cup", "Shapes", "grains left", "nan"):
+        assert phrase not in text
+
+
+def test_names_of_the_study_cannot_break_the_page(
+    make_run: Callable[..., RunDirectory], tmp_path: Path
+) -> None:
+    run = make_run(generations=0, finished=False)
+    run.header = {**run.header, "study": "<script>alert(1)</script>"}
+    write_report(run, describe=lambda x: None, html=tmp_path / "r.html")
+    assert "<script>alert" not in (tmp_path / "r.html").read_text(encoding="utf-8")
+
+
+# Frames are drawn at once, so that the probe can look at each before the page goes on.
+CATCH = """
+<script>
+  window.failures = [];
+  window.onerror = (message) => failures.push(message);
+  window.requestAnimationFrame = (draw) => { draw(0); return 0; };
+</script>
+"""
+PROBE = """
+<script>
+  const canvas = document.getElementById("viewer");
+  const picture = (key) => {
+    canvas.dispatchEvent(new KeyboardEvent("keydown", { key }));
+    const copy = document.createElement("canvas");
+    copy.width = canvas.width; copy.height = canvas.height;
+    const pen = copy.getContext("2d");
+    pen.drawImage(canvas, 0, 0);
+    return new Uint32Array(pen.getImageData(0, 0, copy.width, copy.height).data.buffer);
+  };
+  const first = picture("ArrowLeft"), second = picture("ArrowLeft");
+  picture("ArrowRight");
+  const buttons = document.querySelectorAll("button[data-design]");
+  buttons[buttons.length - 1].click();
+  const other = picture("ArrowLeft");  // from the same side as the second
+  const changed = (a, b) => a.reduce((n, value, i) => n + (value !== b[i]), 0);
+  document.body.dataset.probe = JSON.stringify({ colours: new Set(first).size,
+    turned: changed(first, second), chosen: changed(second, other), errors: window.failures,
+    wide: document.documentElement.scrollWidth - window.innerWidth });
+</script>
+"""
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed: the viewer is not tried")
+@pytest.mark.parametrize("width", [390, 1200])
+def test_viewer_draws_and_turns_in_a_browser(
+    report: tuple[Path, Path], tmp_path: Path, width: int
+) -> None:
+    html = report[0].read_text(encoding="utf-8").replace("<head>", f"<head>{CATCH}")
+    page = tmp_path / "probe.html"
+    page.write_text(html.replace("</body>", f"{PROBE}</body>"), encoding="utf-8")
+    done = subprocess.run(
+        [str(CHROMIUM), "--headless", "--no-sandbox", "--disable-dev-shm-usage", "--use-gl=angle",
+         "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+         f"--user-data-dir={tmp_path / 'profile'}", f"--window-size={width},900",
+         "--enable-logging=stderr", "--dump-dom", page.as_uri()],
+        capture_output=True, text=True, timeout=240, check=False,
+    )  # fmt: skip
+    assert not [line for line in done.stderr.splitlines() if "CONSOLE" in line]
+    found = re.search(r'data-probe="([^"]*)"', done.stdout)
+    assert found, done.stderr[-2000:]
+    probe = json.loads(found.group(1).replace("&quot;", '"'))
+    assert probe["errors"] == []
+    assert probe["colours"] > 20
+    assert probe["turned"] > 500
+    assert probe["chosen"] > 500
+    assert probe["wide"] <= 0  # no sideways scrolling of the page
