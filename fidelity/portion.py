@@ -11,9 +11,11 @@ from scipy.spatial import cKDTree
 from fidelity.engine import Grain, Packing
 from geometry.sections import Section
 from mfopt.arrays import Array, frozen
+from mfopt.errors import SimulationError
 
 CLEARANCE = 1.02  # times the grain width between layers, and between grains of one layer
-TRIES_IN_VAIN = 60  # in a row, then the layer is full: fills about half of its area
+TRIES_IN_VAIN = 100  # in a row, then the layer is full: fills about half of its area
+HOPELESS = 5000  # tries for the first grain of a layer
 BATCH = 32  # candidates drawn at a time
 # A portion at rest overlaps by about its weight over its stiffness: 800 Pa against 1e5 Pa for
 # the softest grains that make sense. Meshes of the cup's corners add their chordal error.
@@ -26,6 +28,9 @@ def loose_portion(
     """Put `grains` grains in layers into a cup of that section, from z = 0 up, without overlap.
 
     `chordal_error` [m] is how far the cup's mesh may lie within its exact section.
+
+    Raises:
+        SimulationError: if the grain is too long for the cup.
     """
     rng = np.random.default_rng(seed)
     spacing = CLEARANCE * 2 * float(grain.radii.max())
@@ -56,7 +61,7 @@ def _layer(
     placed: list[Array] = []
     spheres = np.empty((0, 2))
     in_vain = 0
-    while len(placed) < most and (in_vain < TRIES_IN_VAIN or not placed):
+    while len(placed) < most and in_vain < (TRIES_IN_VAIN if placed else HOPELESS):
         middles = rng.uniform(-half, half, (BATCH, 2))
         headings = rng.uniform(0.0, np.pi, BATCH)
         axes = np.column_stack([np.cos(headings), np.sin(headings)])
@@ -68,9 +73,14 @@ def _layer(
                 spheres = np.concatenate([spheres, centres[candidate]])
                 in_vain = 0
             else:
-                in_vain += int(fits[candidate])
+                in_vain += 1
             if len(placed) == most:
                 break
+    if not placed:
+        raise SimulationError(
+            f"a grain of {1e3 * (np.ptp(along) + 2 * radius):.0f} mm does not fit into the cup; "
+            "use more grains"
+        )
     return np.array(placed)
 
 

@@ -58,7 +58,11 @@ class Grains:
 
 
 def timestep(given: dict[str, Any]) -> float:
-    """Time step [s]: a part of r_min sqrt(density / E)."""
+    """Time step [s]: a part of r_min sqrt(density / E).
+
+    Measured with grains of 5 spheres: in a box as soft as they are, 3 is stable and 4 is not;
+    with steel walls, and a grain between a rim and an edge, 1.2 was and 1.8 was not always.
+    """
     material = given["grain_material"]
     wave = math.sqrt(material["density"] / material["young_modulus"])
     return float(given["physics"]["timestep_factor"] * given["grain_radii"].min() * wave)

@@ -12,7 +12,7 @@ from fidelity.settings import DemSettings, DosingSettings
 SETTINGS = DosingSettings()
 PROBLEM = dosing_problem(SETTINGS)
 MACHINE = design(SETTINGS, PROBLEM.baseline)
-DEM = DemSettings(grains=6, spheres_per_grain=3)
+DEM = DemSettings(grains=20, spheres_per_grain=3)
 ORDER = packing_order(SETTINGS, DEM, seed=0)
 
 
@@ -76,7 +76,7 @@ def test_counts_add_up_wherever_the_grains_are() -> None:
 def test_grains_start_in_the_cup_half_a_stroke_before_the_hole() -> None:
     start = setup()
     packed = loose().positions
-    assert start.packing.positions - packed == pytest.approx(np.tile([-0.2, 0, 0], (6, 1)))
+    assert start.packing.positions - packed == pytest.approx(np.tile([-0.2, 0, 0], (20, 1)))
     cup = next(wall for wall in start.walls if wall.name == "cup")
     assert cup.moves
     assert [wall.name for wall in start.walls if wall.moves] == ["cup"]
@@ -106,7 +106,7 @@ def test_portion_weighs_the_same_at_every_level() -> None:
 
 def test_chordal_error_follows_the_grain_unless_given() -> None:
     given = dataclasses.replace(ORDER, chordal_error=5e-4)
-    dem = DemSettings(grains=6, spheres_per_grain=3, chordal_error_mm=0.5)
+    dem = DemSettings(grains=20, spheres_per_grain=3, chordal_error_mm=0.5)
     assert packing_order(SETTINGS, dem, 0).chordal_error == pytest.approx(given.chordal_error)
     assert ORDER.chordal_error == pytest.approx(0.25 * ORDER.grain.radii[0])
 

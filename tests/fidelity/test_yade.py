@@ -358,7 +358,8 @@ def test_yade_dies_with_its_caller(tmp_path: Path) -> None:
         "from tests.fidelity.test_yade import BOXED, YadeEngine\n"
         "YadeEngine().move(replace(BOXED, duration=1e3), time_limit_s=600.0)\n"
     )
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), *sys.path])}
+    modules = os.pathsep.join([str(ROOT), *sys.path])
+    environment = {**os.environ, "PYTHONPATH": modules, "TMPDIR": str(tmp_path)}
     caller = subprocess.Popen([sys.executable, "-c", script], env=environment)
     running = wait_for_yade(caller.pid)
     caller.kill()
