@@ -67,9 +67,7 @@ def opening_time(positions: Array, times: Array, cup: Section, hole: Section) ->
 def filling_time_bound(machine: Design) -> float:
     """Lower bound of the filling time for the motion and the hole of this design [s]."""
     times = np.linspace(0.0, machine.cycle, TIME_STEPS + 1)
-    opening = opening_time(
-        machine.cup_position(times), times, machine.cup.section, machine.hole
-    )
+    opening = opening_time(machine.cup_position(times), times, machine.cup.section, machine.hole)
     return opening + falling_spread(-machine.tube_end_z, machine.cup.height)
 
 

@@ -24,7 +24,7 @@ from fidelity.portion import flaw, loose_portion
 from geometry.mesh import Mesh
 from geometry.parts import Cup, cup_wall
 from mfopt.arrays import AnyArray, frozen
-from mfopt.errors import SimulationError
+from mfopt.errors import ConfigError, SimulationError
 from mfopt.store import read_arrays, write_arrays
 
 METHOD = 1  # counted up when packings are made differently, so that old ones are not used
@@ -163,7 +163,7 @@ def _read(path: Path, order: Order) -> Packing | None:
         packing = Packing(frozen(arrays["positions"]), frozen(arrays["orientations"]))
         whole = np.array_equal(arrays["checksum"], _checksum(packing))
         why = _flaw(order, packing) if whole else "its checksum does not fit its content"
-    except (OSError, KeyError, ValueError) as error:
+    except (ConfigError, OSError, KeyError, ValueError) as error:
         why = str(error)
     if why is None:
         return packing

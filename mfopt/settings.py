@@ -28,7 +28,9 @@ def checked(model: type[S], data: Mapping[str, Any], *, where: str) -> S:
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        raise ConfigError(f"{where}: {_explained(model, error.errors()[0])}") from error
+        # A misspelt key is also a missing one; the misspelling says more.
+        first = min(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
+        raise ConfigError(f"{where}: {_explained(model, first)}") from error
 
 
 def nearest(key: str, known: Iterable[str]) -> str:

@@ -8,7 +8,9 @@ from fidelity.settings import PARAMETERS, DemSettings, DosingSettings
 
 def test_defaults_are_the_thirteen_variables() -> None:
     settings = DosingSettings()
-    assert tuple(settings.free) == tuple(["l1", "w1", "r1", "s1", "l2", "w2", "r2", "s2", "x1", "y1", "x2", "y2", "v"])
+    assert tuple(settings.free) == tuple(
+        ["l1", "w1", "r1", "s1", "l2", "w2", "r2", "s2", "x1", "y1", "x2", "y2", "v"]
+    )
     assert set(settings.all_values()) == set(PARAMETERS)
 
 

@@ -9,22 +9,21 @@ from pathlib import Path
 
 import pytest
 from campaigns import STUDY
+from typer.testing import CliRunner, Result
+
+from mfopt.cli import app
 
 GOOD = STUDY.format(engine='"bullet"')
 
 
-def mfopt(*arguments: str | Path, **environment: str) -> "subprocess.CompletedProcess[str]":
-    return subprocess.run(
-        [sys.executable, "-m", "mfopt", *map(str, arguments)],
-        capture_output=True, text=True, check=False, env={**os.environ, **environment},
-    )  # fmt: skip
+def mfopt(*arguments: str | Path) -> Result:
+    return CliRunner().invoke(app, list(map(str, arguments)))
 
 
-def refused(done: "subprocess.CompletedProcess[str]") -> str:
+def refused(done: Result) -> str:
     """The message of a refusal; it must be one, and the exit code 2."""
-    assert done.returncode == 2, done.stdout + done.stderr
+    assert done.exit_code == 2, done.output
     assert done.stderr.count("error:") == 1
-    assert "Traceback" not in done.stderr
     return done.stderr
 
 
@@ -95,8 +94,14 @@ def test_missing_and_unreadable_study(tmp_path: Path) -> None:
 def test_missing_yade_is_named_with_the_remedy(tmp_path: Path) -> None:
     study = tmp_path / "study.toml"
     study.write_text(GOOD.replace('"bullet"', '"yade"'))
-    said = refused(mfopt("run", study, "-d", tmp_path / "run", PATH=str(tmp_path)))
-    assert "apt-get install yade" in said
+    done = subprocess.run(
+        [sys.executable, "-m", "mfopt", "run", str(study), "-d", str(tmp_path / "run")],
+        capture_output=True, text=True, check=False, env={**os.environ, "PATH": str(tmp_path)},
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: ")
+    assert "apt-get install yade" in done.stderr
+    assert "Traceback" not in done.stderr
     assert not (tmp_path / "run").exists()
 
 

@@ -1,0 +1,130 @@
+import pickle
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fidelity.bound import filling_time_bound
+from fidelity.bullet import BulletEngine
+from fidelity.dosing import design, dosing_problem
+from fidelity.dosing_level import DosingLevel
+from fidelity.engine import Engine
+from fidelity.settings import DemSettings, DosingSettings
+from fidelity.yade import YadeEngine
+from mfopt.arrays import Array
+from mfopt.objective import dispersion
+from mfopt.outcome import Outcome
+
+SETTINGS = DosingSettings()
+PROBLEM = dosing_problem(SETTINGS)
+DEM = DemSettings(grains=100, spheres_per_grain=1, time_limit_s=300)
+ENGINES = [
+    pytest.param(BulletEngine(), id="bullet"),
+    pytest.param(
+        YadeEngine(),
+        id="yade",
+        marks=[
+            pytest.mark.yade,
+            pytest.mark.skipif(shutil.which("yade") is None, reason="YADE is not installed"),
+        ],
+    ),
+]
+
+
+def with_values(**values: float) -> Array:
+    return np.array([{**PROBLEM.named(PROBLEM.baseline), **values}[n] for n in PROBLEM.names])
+
+
+# A cup that slows down over the hole.
+SLOW = with_values(x1=0.3, y1=0.45, x2=0.7, y2=0.6, v=1.2)
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("packings")
+
+
+def accounted(outcome: Outcome) -> bool:
+    raw = outcome.raw
+    counts = sum(int(raw[name]) for name in ("passed", "left_in_cup", "left_in_hopper", "lost"))
+    return counts == int(raw["grains"]) and raw["passage_times"].size == int(raw["passed"])
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_slow_cup_empties_into_the_bag(engine: Engine, cache: Path) -> None:
+    level = DosingLevel("coarse", SETTINGS, DEM, engine, cache, snapshots=2)
+    outcome = level.evaluate(SLOW, seed=0)
+    raw = outcome.raw
+    assert outcome.finished, outcome.why
+    assert accounted(outcome)
+    assert int(raw["lost"]) == 0
+    assert int(raw["passed"]) >= 0.8 * DEM.grains
+    times = raw["passage_times"]
+    assert np.all(np.diff(times) >= 0)
+    # No grain passes sooner than in free fall after the hole opened.
+    assert times[0] > np.sqrt(2 * 0.56 / 9.81)
+    assert np.ptp(times) > filling_time_bound(design(SETTINGS, SLOW))
+    assert sum(dispersion(raw).values()) > 0
+    assert raw["snapshot_positions"].shape == (2, DEM.grains, 3)
+    assert raw["snapshot_positions"].dtype == np.float32
+    assert 0.3 * level.work(SLOW) < outcome.work < 3 * level.work(SLOW)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_every_grain_is_accounted_for_at_random_designs(engine: Engine, cache: Path) -> None:
+    rng, level = np.random.default_rng(5), DosingLevel("coarse", SETTINGS, DEM, engine, cache)
+    tried = 0
+    while tried < 2:
+        x = PROBLEM.to_x(rng.random(PROBLEM.dimension))
+        if PROBLEM.impossible(x) is not None:
+            continue
+        tried += 1
+        outcome = level.evaluate(x, seed=0)
+        if outcome.raw:
+            assert accounted(outcome)
+            assert outcome.finished == (int(outcome.raw["lost"]) == 0)
+        else:
+            assert outcome.status == "crashed"
+            assert outcome.why
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_same_seed_gives_the_same_outcome_bit_for_bit(engine: Engine, cache: Path) -> None:
+    dem = DEM.model_copy(update={"grains": 40, "spheres_per_grain": 1})
+    level = DosingLevel("coarsest", SETTINGS, dem, engine, cache)
+    first, again = (level.evaluate(SLOW, seed=3) for _ in range(2))
+    assert np.array_equal(first.raw["passage_times"], again.raw["passage_times"])
+    assert float(first.raw["settling_work"]) > 0
+    assert float(again.raw["settling_work"]) == 0
+
+
+def test_impossible_design_is_not_simulated(tmp_path: Path) -> None:
+    level = DosingLevel("coarse", SETTINGS, DEM, BulletEngine(), tmp_path / "cache")
+    outcome = level.evaluate(with_values(w1=60.0, r1=45.0), seed=0)
+    assert outcome.status == "invalid_design"
+    assert "radius" in (outcome.why or "")
+    assert outcome.work == 0
+    assert not (tmp_path / "cache").exists()
+
+
+def test_portion_that_does_not_fit_is_a_failed_run(tmp_path: Path) -> None:
+    dem = DEM.model_copy(update={"grains": 1, "spheres_per_grain": 5})
+    outcome = DosingLevel("one", SETTINGS, dem, BulletEngine(), tmp_path).evaluate(SLOW, seed=0)
+    assert outcome.status == "crashed"
+    assert "use more grains" in (outcome.why or "")
+
+
+def test_work_grows_with_grains_and_with_stiffness() -> None:
+    def work(**changes: object) -> float:
+        dem = DEM.model_copy(update=changes)
+        return DosingLevel("any", SETTINGS, dem, YadeEngine()).work(SLOW)
+
+    # Steps go with 1 / radius: 8 times the grains are 16 times the work.
+    assert work(grains=800) / work(grains=100) == pytest.approx(16, rel=1e-9)
+    assert work(young_modulus_pa=4e6) / work(young_modulus_pa=1e6) == pytest.approx(2, rel=1e-9)
+
+
+def test_level_can_be_sent_to_another_process() -> None:
+    level = DosingLevel("coarse", SETTINGS, DEM, BulletEngine())
+    assert pickle.loads(pickle.dumps(level)) == level
