@@ -42,7 +42,7 @@ class BulletEngine:
     @property
     def cost_factor(self) -> float:
         """CPU time of a sphere-step over YADE's, in the dosing scene with 300 5-sphere grains."""
-        return 4.2
+        return 5.0
 
     def version(self) -> str:
         """Version of PyBullet.

@@ -16,14 +16,14 @@ import numpy as np
 from fidelity.engine import Grain, Material, Physics, Setup, Wall
 from mfopt.arrays import Array, IntArray
 
-LENGTH_SCALE = 100.0  # Bullet length units per metre
+LENGTH_SCALE = 10.0  # Bullet length units per metre
 
 OVERLAP_CORRECTION = 0.2  # share of an overlap corrected per step; 0.5 makes a pile boil
 
 # [Pa] A moving wall pushes with this times the smallest radius per overlap. A grain pinched
 # between its rim and a fixed edge then goes past the rim; between two rigid ones it was pressed
-# through the fixed wall or shot away in 4 of 7 dosing runs of 300 grains, so in none of 10.
-# A portion pushed at 50 m/s2 weighs on the wall with 5 kPa and sinks in by 0.05 radii.
+# into or through the fixed wall in 4 of 7 dosing runs of 300 grains; so, in none of 10.
+# A portion pushed at 50 m/s2 weighs on it with p = 5 kPa: 4 p r^2 a sphere, 0.2 radii deep.
 MOVING_WALL_MODULUS = 1e5
 
 # [m/s] Slower contacts do not bounce, or a pile would never rest: five steps' fall at 1 ms.
@@ -50,6 +50,15 @@ def restitution(physics: Physics) -> float:
     Source: V. Smilauer et al., YADE documentation, "Numerical damping" (Cundall).
     """
     return math.sqrt((1.0 - physics.damping) / (1.0 + physics.damping))
+
+
+def bullet_restitution(physics: Physics) -> float:
+    """The value for Bullet with which bounces return `restitution` on average.
+
+    Its correction adds overlap / step times `OVERLAP_CORRECTION` to a bounce. A sphere of speed
+    v is found anywhere between no overlap and v times the step, so v / 2 times that on average.
+    """
+    return max(0.0, restitution(physics) - OVERLAP_CORRECTION / 2.0)
 
 
 def fall_acceleration(physics: Physics) -> float:
@@ -81,12 +90,12 @@ def build(p: Any, setup: Setup, *, timestep: float, iterations: int) -> World:
         restitutionVelocityThreshold=RESTING_SPEED * LENGTH_SCALE,
         # Overlaps are pushed out by contact velocities. Split impulses (positions only) left
         # 300 grains at rest with 0.23 radii of overlap instead of 0.05.
-        useSplitImpulse=1,
+        useSplitImpulse=0,
         contactERP=OVERLAP_CORRECTION,
     )
     p.setGravity(0.0, 0.0, -fall_acceleration(setup.physics) * LENGTH_SCALE)
     of_grain, of_wall = friction_factors(setup.grain_material, setup.wall_material)
-    bounce = math.sqrt(restitution(setup.physics))  # Bullet multiplies these too
+    bounce = math.sqrt(bullet_restitution(setup.physics))  # Bullet multiplies these too
     walls = [_add_wall(p, wall, friction=of_wall, bounce=bounce) for wall in setup.walls]
     moving = tuple(b for b, w in zip(walls, setup.walls, strict=True) if w.moves)
     for body in moving:

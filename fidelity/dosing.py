@@ -88,7 +88,9 @@ def dosing_problem(settings: DosingSettings) -> Problem:
         for name, (low, high) in settings.free.items()
     )
     baseline = frozen([values[v.name] for v in variables])
-    problem = Problem(variables, baseline, _Possible(settings), objective_unit="s")
+    problem = Problem(
+        variables, baseline, _Possible(settings)
+    )  # the objective adds seconds and counts
     why = problem.impossible(baseline)
     if why is not None:
         raise ConfigError(f"the baseline design cannot be built: {why}; change its values")
@@ -170,7 +172,7 @@ def design_parts(settings: DosingSettings, x: Array) -> dict[str, Mesh]:
     centres = whole.vertices[whole.triangles].mean(axis=1)
     in_tube = centres[:, 2] < machine.loft.heights[3]
     return {
-        "cup": Mesh(cup.vertices + [start, 0.0, 0.0], cup.triangles),
+        "cup": Mesh(cup.vertices + np.array([start, 0.0, 0.0]), cup.triangles),
         "plate": plate(machine, VIEWING_CHORDAL_ERROR),
         "hopper": Mesh(whole.vertices, whole.triangles[~in_tube]),
         "tube": Mesh(whole.vertices, whole.triangles[in_tube]),

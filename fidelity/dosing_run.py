@@ -3,8 +3,9 @@
 The grains start at rest in the settled cup, half a stroke before the hole, and the cup moves
 at once; time counts from there. A coarse portion stands higher than the rim of the cup, and a
 fast cup throws grains up: so the simulated walls of the cup reach higher, with a collar of the
-same section, up to the roof of a housing around the plate. Grains that rim of the cup and edge of
-the hole cut or fling aside stay in the housing, on the plate; they count as left in the cup.
+same section, up to the roof of a housing around the plate. Grains that the rim
+of the cup cuts or flings aside at the hole's edge stay in the housing, on the plate; they count
+as left in the cup.
 """
 
 from dataclasses import dataclass

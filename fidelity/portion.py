@@ -66,7 +66,7 @@ def _layer(
         headings = rng.uniform(0.0, np.pi, BATCH)
         axes = np.column_stack([np.cos(headings), np.sin(headings)])
         centres = middles[:, None] + along[:, None] * axes[:, None]  # (BATCH, k, 2)
-        fits = (depth_in_section(section, centres) >= radius + clearance).all(axis=1)
+        fits = np.all(depth_in_section(section, centres) >= radius + clearance, axis=1)
         for candidate in range(BATCH):
             if fits[candidate] and not _near(centres[candidate], spheres, spacing):
                 placed.append(np.append(middles[candidate], headings[candidate]))

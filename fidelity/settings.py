@@ -147,6 +147,8 @@ class DemSettings(Settings):
     young_modulus_pa: float = Field(1e6, gt=0)
     damping: float = Field(0.125, ge=0, lt=1)  # paper, table 1
     damp_gravity: bool = False  # True: damping slows free fall too, as in the paper
-    timestep_factor: float = Field(0.9, gt=0)  # of r_min sqrt(density / E)
+    # Of r_min sqrt(density / E). At 0.9 one run in ten exploded where the cup pinched grains, at
+    # 0.6 none of those did.
+    timestep_factor: float = Field(0.6, gt=0)
     chordal_error_mm: float | None = Field(None, gt=0)  # a quarter of the sphere radius if None
     time_limit_s: float = Field(7200, gt=0)

@@ -144,6 +144,8 @@ def run(
             )
         _write_reports(path, parts, console)
     _print_result(path, console, as_json=as_json)
+    own, simulators = display.cpu()
+    console.print(f"mfopt itself took {own:.1f} s of CPU, {own / (own + simulators):.1%} of all")
 
 
 def _header(study: Study, parts: Assembled, workers: int) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from typing import Any
 from mfopt.level import Ladder
 from mfopt.problem import Problem
 
-PACKAGES = ("mfopt", "numpy", "scipy", "cma", "h5py")
+PACKAGES = ("numpy", "scipy", "cma", "h5py")
 
 
 def header(

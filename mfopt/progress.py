@@ -1,6 +1,7 @@
 """Progress on the screen: best so far, level, work spent and left, time to go."""
 
 import math
+import resource
 import time
 from collections.abc import Mapping
 from types import TracebackType
@@ -27,7 +28,7 @@ class ProgressDisplay:
         self._console, self._work, self._unit = console, work, unit
         self._confirm_work = confirm_work
         self._full_run = list(work.values())[-1]
-        self._spent = self._measured = 0.0
+        self._spent = self._measured = self._simulators_cpu_s = 0.0
         self._began = time.monotonic()
         self._best: dict[str, float] = {}
         self._generation = 0
@@ -56,6 +57,9 @@ class ProgressDisplay:
         )
         self._spent += work
         self._measured += 0.0 if progress.replayed else work
+        if not progress.replayed:
+            outcome = progress.evaluation.outcome
+            self._simulators_cpu_s += outcome.cpu_s + float(outcome.raw.get("settling_cpu_s", 0.0))
         if candidate.purpose != "search":
             self._confirm_work -= work
         best = min(self._best.get(candidate.level, math.inf), progress.evaluation.objective)
@@ -73,6 +77,15 @@ class ProgressDisplay:
         if new and not self._console.is_terminal and not progress.replayed:
             self._console.print(words, soft_wrap=True)
         self._generation = candidate.generation
+
+    def cpu(self) -> tuple[float, float]:
+        """CPU time of mfopt itself, its workers and reports, and of the simulators [s].
+
+        Complete once the workers have ended.
+        """
+        used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+        total = sum(usage.ru_utime + usage.ru_stime for usage in used)
+        return total - self._simulators_cpu_s, self._simulators_cpu_s
 
     def _phase(self, progress: RunProgress) -> str:
         candidate = progress.evaluation.candidate

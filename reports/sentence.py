@@ -4,6 +4,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from reports.result import Result
 from reports.rows import Row
 from reports.statistics import Comparison, Interval
@@ -13,7 +15,7 @@ from reports.units import Display, display, number
 def objective_name(header: Mapping[str, Any]) -> str:
     """The study's objective in words."""
     name = str(header["objective"])
-    return "objective value" if name == "returned" else name.replace("_", " ")
+    return "objective value" if name == "returned" else f"objective ({name.replace('_', ' ')})"
 
 
 def state(end: str | None, rows: Sequence[Row]) -> str | None:
@@ -51,7 +53,18 @@ def sentence(
         text += f"; its filling time is {ms.full(filling.median_best, 3)}"
         if math.isfinite(filling.median_baseline):
             text += f" instead of {ms.full(filling.median_baseline, 3)}"
-    return text + "."
+    return text + _grains_left(result) + "."
+
+
+def _grains_left(result: Result) -> str:
+    """Grains that never reach the bag, which the objective counts too; medians over the seeds."""
+    best, baseline = (
+        float(np.median([r.left_in_cup + r.left_in_hopper for r in rows])) if rows else math.nan
+        for rows in (result.confirmations, result.baseline)
+    )
+    if not math.isfinite(best + baseline):
+        return ""
+    return f", and {number(best, 3)} grains stay behind instead of {number(baseline, 3)}"
 
 
 def _unconfirmed(result: Result, name: str, shown: Display, *, so_far: str) -> str:

@@ -1,6 +1,5 @@
 import dataclasses
 import multiprocessing
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -53,8 +52,8 @@ class Still:
 
 
 @pytest.fixture
-def engine(tmp_path: Path) -> Iterator[Still]:
-    yield Still(tmp_path / "notes")
+def engine(tmp_path: Path) -> Still:
+    return Still(tmp_path / "notes")
 
 
 def tall(order: Order) -> Order:

@@ -48,9 +48,6 @@ def test_every_grain_is_accounted_for_at_random_designs() -> None:
 
 
 def test_nothing_flows_if_the_cup_never_comes_over_the_hole() -> None:
-    # The first column of the cup is 140 mm from where the opening begins.
-    raw = run(PROBLEM.baseline, stroke_mm=100, duration_ms=600).raw
-    assert int(raw["passed"]) < LEVEL.grains
     machine = dataclasses.replace(design(SETTINGS, PROBLEM.baseline), stroke=4.0, cycle=1e3)
     stream, left = discharge(machine, Flow(), GRAIN, 1.0)  # 2 m away, and hardly moves
     assert stream.share.size == 0
@@ -105,10 +102,12 @@ def straight(wide: dict[str, float]) -> Array:
 
 
 def test_rougher_walls_let_nothing_pass_sooner() -> None:
+    # Without a queue: one that forms later may well let more pass at its start.
     machine: Design = design(SETTINGS, with_values(s1=40.0, s2=-30.0))
-    stream, _ = discharge(machine, Flow(), GRAIN, 1.2)
+    flow = Flow(stream=1e6, queue=1e6)
+    stream, _ = discharge(machine, flow, GRAIN, 1.2)
     means = [
-        float(np.average(passage(machine, Flow(), GRAIN, stream, mu), weights=stream.share))
+        float(np.average(passage(machine, flow, GRAIN, stream, mu), weights=stream.share))
         for mu in (0.0, 0.2, 0.5)
     ]
     assert means == sorted(means)

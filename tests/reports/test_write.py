@@ -72,7 +72,7 @@ def test_pdf_has_the_same_sections_and_numbered_pages(report: tuple[Path, Path])
     assert len(headings) >= 8
     for heading in headings:
         assert heading in text
-    assert "dispersion [ms]" in text  # figures are drawings with text, not photographs
+    assert "(dispersion) [ms]" in text  # figures are drawings with text, not photographs
 
 
 def test_broken_off_run_shows_what_there_is(
