@@ -1,18 +1,23 @@
 """A physical lower bound of the filling time: free fall through an opening hole.
 
-Without any contact a column of grains at place xi in the cup (measured from its centre) falls
-freely as soon as the hole opens beneath it, at t_o(xi). A grain at height eta above the plate
-passes the tube's end, H below the plate, at
+Grains start at rest and nothing holds them back. A grain at the opening then moves downwards
+with at most
 
-    t = t_o(xi) + sqrt(2 (H + eta) / g),    0 <= eta <= h (height of the cup),
+    u(t) = min(g (t - t_0), sqrt(2 g h)),
 
-so that between the first and the last grain there are at least
+t_0 being when hole and cup first overlap and h the height of the cup, so that the opened area
+A(t), taken without its rounded corners, lets at most the volume A u dt of the bulk through. The
+last grain cannot leave before t_1, when that has added up to the volume of the cup. From the
+plate to the tube's end, H below, a grain of downward speed u takes
 
-    T = max t_o - min t_o + sqrt(2 (H + h) / g) - sqrt(2 H / g).
+    s(u) = (sqrt(u^2 + 2 g H) - u) / g,
 
-Contacts only hold grains back: friction, walls and the queue before the tube are left out, and
-the cup's tallest column is taken to be as high as the cup. The bound over all motions takes
-the largest speed of the cup that the bounds allow; other values stay as in the settings.
+and so between the first and the last grain there are at least T = t_1 + s(u(t_1)) - t_0 - s(0).
+A hole that opens at once gives T = sqrt(2 (H + h) / g) - sqrt(2 H / g): the column falls whole.
+
+Friction, walls and the queue before the tube only add to it, as long as they do not hold back
+the first grain. The bound over all motions takes the largest speed of the cup that the bounds
+allow, until the hole is open; other values stay as in the settings.
 """
 
 import itertools
@@ -24,67 +29,82 @@ from fidelity.dosing import MILLI, Design, dosing_cup
 from fidelity.dosing_run import GRAVITY
 from fidelity.settings import MOTION_PARAMETERS, DosingSettings
 from geometry.motion import MotionLaw
+from geometry.parts import Cup
 from geometry.sections import Section
 from mfopt.arrays import Array
 
 TIME_STEPS = 2400  # of the cycle; 0.25 ms of 600 ms
-COLUMNS = 101  # along the cup
 SPEED_GRID = 5  # values of x1 and of x2 for the largest speed
 SPEED_TIMES = 401  # at which the speed is taken
 
 
-def falling_spread(depth: float, height: float) -> float:
-    """Time between the lowest and the highest grain of a freely falling column [s].
+def emptying_spread(times: Array, areas: Array, cup: Cup, depth: float) -> float:
+    """Least time between the first and the last grain at the tube's end [s].
 
     Args:
+        times: evenly spaced, from the start of the motion (m,) [s].
+        areas: opened area at these times (m,) [m2].
+        cup: the cup, full.
         depth: of the tube's end below the plate [m].
-        height: of the column [m].
+
+    Returns:
+        The spread; infinite if the opening cannot let the whole cup through.
     """
-    return math.sqrt(2 * (depth + height) / GRAVITY) - math.sqrt(2 * depth / GRAVITY)
+    if not (areas > 0).any():
+        return math.inf
+    first = float(times[np.argmax(areas > 0)])
+    since = np.maximum(times - first, 0.0)
+    speeds = np.minimum(GRAVITY * since, math.sqrt(2 * GRAVITY * cup.height))
+    through = np.cumsum(areas * speeds) * (times[1] - times[0])
+    if through[-1] < cup.volume:
+        return math.inf
+    last = int(np.argmax(through >= cup.volume))
+    return float(times[last] + _fall(float(speeds[last]), depth) - first - _fall(0.0, depth))
 
 
-def opening_time(positions: Array, times: Array, cup: Section, hole: Section) -> float:
-    """Time from the first to the last column of the cup that the hole opens beneath [s].
+def _fall(speed: float, depth: float) -> float:
+    return (math.sqrt(speed**2 + 2 * GRAVITY * depth) - speed) / GRAVITY
 
-    Columns that never come over the hole are left out: their grains stay in the cup.
+
+def opened_area(positions: Array, cup: Section, hole: Section) -> Array:
+    """Area of the hole that lies beneath the cup (m,) [m2], corners taken as square.
 
     Args:
         positions: of the cup's centre along x (m,) [m].
-        times: of the positions (m,) [s].
         cup: section of the cup.
         hole: section of the hole.
     """
-    columns = np.linspace(-0.5, 0.5, COLUMNS) * cup.length
-    place = positions[:, None] + columns - hole.shift
-    is_open = np.abs(place) <= hole.length / 2
-    ever = is_open.any(axis=0)
-    if not ever.any():
-        return 0.0
-    opened = times[is_open.argmax(axis=0)[ever]]
-    return float(opened.max() - opened.min())
+    reach = (cup.length + hole.length) / 2 - np.abs(positions - hole.shift)
+    length = np.clip(reach, 0.0, min(cup.length, hole.length))
+    return np.asarray(length * min(cup.width, hole.width))
 
 
 def filling_time_bound(machine: Design) -> float:
     """Lower bound of the filling time for the motion and the hole of this design [s]."""
     times = np.linspace(0.0, machine.cycle, TIME_STEPS + 1)
-    opening = opening_time(machine.cup_position(times), times, machine.cup.section, machine.hole)
-    return opening + falling_spread(-machine.tube_end_z, machine.cup.height)
+    areas = opened_area(machine.cup_position(times), machine.cup.section, machine.hole)
+    return emptying_spread(times, areas, machine.cup, -machine.tube_end_z)
 
 
 def smallest_filling_time_bound(settings: DosingSettings) -> float:
     """Smallest bound over all motions within the bounds of the free motion parameters [s].
 
-    From the first column to the last the cup has to travel its length, at the largest speed
-    that the bounds allow. If the hole's length or shift is free, it is taken to open at once.
+    The opened length grows at most as fast as the cup can move. If the hole's length, width or
+    shift is free, it is taken as at least as large as the cup and open at once.
     """
-    cup, z = dosing_cup(settings), MILLI * settings.tube_end_z_mm
-    values = settings.all_values()
-    travel = 0.0
-    if not {"l0", "s0"} & set(settings.free):
-        edge = MILLI * (values["s0"] - values["l0"] / 2 - settings.stroke_mm * -0.5)
-        travel = min(max(edge + cup.section.length / 2, 0.0), cup.section.length)
-    speed = largest_speed(settings) * settings.stroke_mm / settings.cycle_ms  # mm/ms = m/s
-    return travel / speed + falling_spread(-z, cup.height)
+    cup = dosing_cup(settings)
+    section = cup.section
+    times = np.linspace(0.0, MILLI * settings.cycle_ms, TIME_STEPS + 1)
+    if {"l0", "w0", "s0"} & set(settings.free):
+        areas = np.full(times.shape, section.length * section.width)
+    else:
+        values = settings.all_values()
+        hole = Section(*(MILLI * values[f"{letter}0"] for letter in "lwrs"))
+        speed = largest_speed(settings) * settings.stroke_mm / settings.cycle_ms  # mm/ms = m/s
+        touching = -(section.length + hole.length) / 2
+        positions = np.minimum(hole.shift + touching + speed * times, hole.shift)
+        areas = opened_area(positions, section, hole)
+    return emptying_spread(times, areas, cup, -MILLI * settings.tube_end_z_mm)
 
 
 def largest_speed(settings: DosingSettings) -> float:

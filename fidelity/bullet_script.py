@@ -195,7 +195,7 @@ def kinetic_energy(p: Any, setup: Setup, run: _Run) -> float:
 
 
 def available_energy(setup: Setup, positions: Array) -> float:
-    """Most energy [J] that the fall so far, a grain's own height and the walls can have given.
+    """Most energy [J] that the fall so far, a grain's own height, walls and start can have given.
 
     A wall of speed w throws a grain back at 2 w at most.
     """
@@ -203,7 +203,8 @@ def available_energy(setup: Setup, positions: Array) -> float:
     n, m = positions.shape[0], setup.grain.mass
     size = float(np.max(setup.grain.radii) + np.max(np.abs(setup.grain.offsets)))
     by_gravity = m * setup.physics.gravity * (max(drop, 0.0) + n * size)
-    by_walls = 0.5 * n * m * (2.0 * wall_speed(setup.motion)) ** 2
+    fastest = max(wall_speed(setup.motion), abs(setup.start_velocity))
+    by_walls = 0.5 * n * m * (2.0 * fastest) ** 2
     return float(by_gravity + by_walls)
 
 

@@ -134,7 +134,8 @@ def _add_grains(
     inertia = (setup.grain.inertia / setup.grain.mass * LENGTH_SCALE**2).tolist()
     # Bullet's velocities belong to the middle of the step before (it moves by the new
     # velocity): with this start at rest the positions of free fall are exact.
-    start = [0.0, 0.0, 0.5 * timestep * fall_acceleration(setup.physics) * LENGTH_SCALE]
+    falling = 0.5 * timestep * fall_acceleration(setup.physics)
+    start = [setup.start_velocity * LENGTH_SCALE, 0.0, falling * LENGTH_SCALE]
     bodies = []
     for position, (w, x, y, z) in zip(
         setup.packing.positions * LENGTH_SCALE, setup.packing.orientations, strict=True

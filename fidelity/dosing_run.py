@@ -1,7 +1,8 @@
 """One dosing run: what an engine is given, and what became of every grain.
 
-The grains start at rest in the settled cup, half a stroke before the hole, and the cup moves
-at once; time counts from there. A coarse portion stands higher than the rim of the cup, and a
+The settled cup starts half a stroke before the hole, and its grains move with it: in a machine that
+runs cycle after cycle both come with the speed at which the last cycle ended. Time counts from
+there. A coarse portion stands higher than the rim of the cup, and a
 fast cup throws grains up: so the simulated walls of the cup reach higher, with a collar of the
 same section, up to the roof of a housing around the plate. Grains that the rim
 of the cup cuts or flings aside at the hole's edge stay in the housing, on the plate; they count
@@ -98,6 +99,7 @@ def dosing_setup(
         duration=MILLI * settings.duration_ms,
         exit_z=machine.tube_end_z,
         motion=WallMotion(frozen(times), frozen(positions - positions[0])),
+        start_velocity=float(machine.cup_velocity(np.zeros(1))[0]),
         idle_after=machine.cycle,
         idle_above_z=0.0,
         snapshot_times=frozen(np.linspace(EMPTYING_FIRST, 1.0, snapshots) * machine.cycle),

@@ -83,6 +83,7 @@ class Setup:
     duration: float  # [s] the run ends here at the latest
     exit_z: float  # [m] a grain whose mass centre falls below leaves; its time is kept
     motion: WallMotion | None = None
+    start_velocity: float = 0.0  # [m/s] of all grains along x; one that comes with the cup
     settle: bool = False  # end when the grains are at rest
     # End early after this time [s] once no grain is below `idle_above_z`, i.e. none can still pass.
     idle_after: float = float("inf")

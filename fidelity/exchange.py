@@ -8,8 +8,8 @@ setup.npz: `grain_offsets`, `grain_radii`, `grain_inertia`, `positions`, `orient
 `motion_times`, `motion_displacements` (both empty without motion), `snapshot_times`, and
 `wall_vertices_<i>`, `wall_triangles_<i>` for wall number i.
 setup.json: `grain_mass`; `grain_material`, `wall_material` and `physics` as mappings;
-`walls`, a list of `{"name", "moves"}`; `duration`, `exit_z`, `settle`, `idle_after`,
-`idle_above_z`; and `engine`, what the engine adds for its script.
+`walls`, a list of `{"name", "moves"}`; `start_velocity`, `duration`, `exit_z`, `settle`,
+`idle_after`, `idle_above_z`; and `engine`, what the engine adds for its script.
 result.npz: `exit_times`, `positions`, `orientations`, `velocities`, and where snapshots were
 asked for the arrays of `Movement.snapshots`.
 result.json: `status`, `why`, `end_time`, `steps`, `sphere_steps`, `timestep`, `max_overlap`,
@@ -58,6 +58,7 @@ def write_setup(setup: Setup, directory: Path, engine: Mapping[str, Any] | None 
         "wall_material": asdict(setup.wall_material),
         "physics": asdict(setup.physics),
         "walls": [{"name": wall.name, "moves": wall.moves} for wall in setup.walls],
+        "start_velocity": setup.start_velocity,
         "duration": setup.duration,
         "exit_z": setup.exit_z,
         "settle": setup.settle,
@@ -95,6 +96,7 @@ def read_setup(directory: Path) -> tuple[Setup, dict[str, Any]]:
             wall_material=Material(**scalars["wall_material"]),
             walls=walls,
             physics=Physics(**scalars["physics"]),
+            start_velocity=scalars["start_velocity"],
             duration=scalars["duration"],
             exit_z=scalars["exit_z"],
             motion=WallMotion(times, arrays["motion_displacements"]) if times.size else None,

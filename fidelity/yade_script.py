@@ -189,14 +189,15 @@ def lift_energy(given: dict[str, Any]) -> float:
 def available_energy(given: dict[str, Any], grains: Grains) -> float:
     """Energy that the grains still there can have [J].
 
-    What their fall released; twice the fastest wall's velocity, from a bounce off it; and the
+    What their fall released; twice the fastest velocity of walls or start, from a bounce; and the
     overlaps of the start, taken as a lift by one radius.
     """
     here = grains.numbers
     mass, gravity = given["grain_mass"], given["physics"]["gravity"]
     fallen = float((grains.start_z[here] - grains.z[here]).sum())
     times, displacements = given["motion_times"], given["motion_displacements"]
-    fastest = float(np.abs(np.diff(displacements) / np.diff(times)).max(initial=0.0))
+    speeds = np.abs(np.diff(displacements) / np.diff(times))
+    fastest = float(speeds.max(initial=abs(given["start_velocity"])))
     bounce = 0.5 * mass * (2.0 * fastest) ** 2 * len(here)
     start = bounce + lift_energy(given) * len(here)
     return float(start + max(0.0, mass * gravity * fallen))

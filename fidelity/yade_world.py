@@ -121,6 +121,7 @@ def add_grains(given: dict[str, Any]) -> Grains:
         clump = O.bodies[number]
         clump.aspherical = True
         frame = clump.state.ori.conjugate() * turn
+        clump.state.vel = Vector3(given["start_velocity"], 0.0, 0.0)
         clump.state.mass = given["grain_mass"]
         clump.state.inertia = clump_inertia(frame, given["grain_inertia"])
         ids.append(number)

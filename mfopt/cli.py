@@ -206,7 +206,7 @@ def _view(dosing: DosingSettings | None, top: Level, x: Array) -> DesignView | N
             name: (t * machine.cycle, machine.stroke * (y - 0.5)) for name, (t, y) in points.items()
         },
         notes=tuple(manufacturability(machine.loft).sentences()),
-        bound_s=filling_time_bound(machine),
+        bound_s=bound if math.isfinite(bound := filling_time_bound(machine)) else None,
         bound_any_s=smallest_filling_time_bound(dosing),
         grain_offsets=no_grain if grain is None else grain.offsets,
         grain_radii=no_grain[:, 0] if grain is None else grain.radii,

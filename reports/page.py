@@ -113,7 +113,7 @@ def _figures(
 ) -> dict[str, str | None]:
     made: dict[str, str | None] = dict.fromkeys(("progress", "motion", "passages", "snapshots"))
     if any(np.isfinite(s.best) for s in facts.steps):
-        bound = best.bound_s if best else None
+        bound = best.bound_any_s if best else None  # it holds for every design
         made["progress"] = charts.progress(facts.steps, facts.shown, facts.name, bound)
     if best is not None and len(best.motion_times):
         made["motion"] = charts.motion(best, baseline)

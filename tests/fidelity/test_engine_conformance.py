@@ -131,6 +131,17 @@ def test_a_grain_without_contact_falls_as_in_vacuum(
 
 
 @on_every_engine
+def test_a_grain_that_comes_with_the_cup_flies_a_parabola(engine: Engine) -> None:
+    packing = Packing(np.array([[0.0, 0.0, 0.0]]), upright(0.0))
+    setup = setup_of(line_of(5), packing, table(5.0, 6.0), duration=0.2)
+    movement = engine.move(replace(setup, start_velocity=1.5), time_limit_s=LIMIT_S)
+    fall = math.sqrt(2 * 0.1 / G)
+    assert movement.exit_times[0] == pytest.approx(fall, rel=5e-3)
+    assert movement.positions[0, 0] == pytest.approx(1.5 * fall, abs=1.5 * 1.1e-3)  # next check
+    assert movement.velocities[0, 0] == pytest.approx(1.5, rel=1e-9)
+
+
+@on_every_engine
 def test_damping_of_gravity_slows_the_fall_by_its_share(engine: Engine) -> None:
     packing = Packing(np.array([[0.0, 0.0, 0.2]]), upright(0.0))
     setup = setup_of(line_of(5), packing, duration=1.0)
