@@ -1,0 +1,1 @@
+"""Recordings, parameter fits and missing physics; empty so far."""

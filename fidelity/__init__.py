@@ -1,0 +1,1 @@
+"""Levels of simulation: scenes on grain engines, and the analytic model."""

@@ -1,0 +1,1 @@
+"""Shapes and motion of the machine, meshes and CAD files."""

@@ -25,7 +25,8 @@ class ProgressDisplay:
     def __init__(
         self, console: Console, *, work: Mapping[str, float], unit: str, confirm_work: float
     ) -> None:
-        self._console, self._work, self._unit = console, work, unit
+        self._console, self._work = console, work
+        self._unit = "" if unit == "-" else f" {unit}"
         self._confirm_work = confirm_work
         self._full_run = list(work.values())[-1]
         self._spent = self._measured = self._simulators_cpu_s = 0.0
@@ -66,7 +67,7 @@ class ProgressDisplay:
         self._best[candidate.level] = best
         left = self._confirm_work + sum(self._work[name] * n for name, n in progress.runs_left)
         words = (
-            f"{self._phase(progress)}  best {best:.4g} {self._unit}  "
+            f"{self._phase(progress)}  best {best:.4g}{self._unit}  "
             f"work {self._spent / self._full_run:.1f} of "
             f"{(self._spent + left) / self._full_run:.1f} full runs  {self._to_go(left)}"
         )

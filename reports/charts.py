@@ -31,6 +31,7 @@ STYLE: Any = {
     "axes.unicode_minus": True,
 }  # fmt: skip
 LABEL_ROW = 0.075  # height of a row of labels, of the axes' height
+LETTER = 0.011  # share of the figure's width that a letter of 8 points takes
 SLENDER = 0.45  # width to height of a picture, up to which four fit side by side
 TALLEST = 7.2  # [inch] height of all pictures of a figure: a page of A4 with its caption
 
@@ -103,7 +104,7 @@ def progress(steps: Sequence[Step], shown: Display, name: str, bound_s: float | 
                 axes[1].legend(loc="best", fontsize=8)
         axes[0].margins(y=0.16)  # room for the marks of failed runs and restarts
         _failed(axes[0], steps)
-        axes[0].legend(loc="upper right", fontsize=8, bbox_to_anchor=(1.0, 0.93))
+        axes[0].legend(loc="best", fontsize=8, frameon=True, framealpha=0.85, edgecolor="none")
         axes[-1].set_xlabel("generation")
         axes[-1].xaxis.set_major_locator(MaxNLocator(integer=True))
         axes[-1].set_xlim(place[0] - 0.7, place[-1] + 0.7)
@@ -155,14 +156,16 @@ def bands(steps: Sequence[Step]) -> list[tuple[str, int, int]]:
 def _bands(axes: "Sequence[Axes]", steps: Sequence[Step]) -> None:
     low, high = axes[0].get_xlim()
     stretches = bands(steps)
-    lefts = [first - 0.5 for _, first, _ in stretches]
     names = [name for name, _, _ in stretches]
-    rows = label_rows([(x - low) / (high - low) for x in lefts], names)
+    ends = [1.0 - LETTER * (len(name) + 1) for name in names]  # or the label is cut off
+    shares = [(first - 0.5 - low) / (high - low) for _, first, _ in stretches]
+    lefts = [min(share, end) for share, end in zip(shares, ends, strict=True)]
+    rows = label_rows(lefts, names)
     for i, (name, first, last) in enumerate(stretches):
         for axis in axes:
             axis.axvspan(first - 0.5, last + 0.5, color="#eef3f7" if i % 2 else "#f8f8f5", zorder=0)
         axes[0].annotate(
-            name, (first - 0.5, 1.0 + LABEL_ROW * rows[i]), xycoords=("data", "axes fraction"),
+            name, (lefts[i], 1.0 + LABEL_ROW * rows[i]), xycoords="axes fraction",
             xytext=(2, 3), textcoords="offset points", fontsize=8, color="#333333",
             annotation_clip=False,
         )  # fmt: skip
@@ -192,12 +195,11 @@ def _restarts(axes: "Sequence[Axes]", steps: Sequence[Step]) -> None:
 
 def label_rows(lefts: Sequence[float], labels: Sequence[str]) -> list[int]:
     """Row of each label so that none lies on another; `lefts` as shares of the width, rising."""
-    per_letter = 0.011  # share of the width that a letter of 8 points takes
     ends: list[float] = []
     rows = []
     for left, label in zip(lefts, labels, strict=True):
         row = next((i for i, end in enumerate(ends) if left >= end), len(ends))
-        ends[row : row + 1] = [left + per_letter * (len(label) + 1)]
+        ends[row : row + 1] = [left + LETTER * (len(label) + 1)]
         rows.append(row)
     return rows
 
