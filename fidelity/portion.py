@@ -6,7 +6,6 @@ lattice of freely turning grains would, so they settle within a short fall.
 """
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from fidelity.engine import Grain, Packing
 from geometry.sections import Section
@@ -114,6 +113,8 @@ def sphere_centres(grain: Grain, packing: Packing) -> Array:
 
 def largest_overlap(grain: Grain, packing: Packing) -> float:
     """Largest overlap of spheres of different grains, in units of the smallest radius."""
+    from scipy.spatial import cKDTree  # half a second, which only this needs
+
     centres = sphere_centres(grain, packing)
     flat = centres.reshape(-1, 3)
     pairs = cKDTree(flat).query_pairs(2 * float(grain.radii.max()), output_type="ndarray")
