@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import Field
@@ -179,3 +180,14 @@ def _needs_dosing(dosing: DosingSettings | None, engine: str, where: str) -> Dos
     if dosing is None:
         raise ConfigError(f'{where}: engine {engine!r} needs scene = "dosing" in [problem]')
     return dosing
+
+
+def traced(level: Level, directory: Path) -> Level:
+    """The same level, writing VTK files of its runs into `directory`; no result changes.
+
+    Raises:
+        ConfigError: if the level's engine cannot.
+    """
+    if not (isinstance(level, DosingLevel) and isinstance(level.engine, YadeEngine)):
+        raise ConfigError(f"level {level.name!r} writes no trace; choose one on the engine yade")
+    return replace(level, engine=replace(level.engine, trace=directory))

@@ -14,7 +14,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from fidelity.assemble import Assembled, assemble
+from fidelity.assemble import Assembled, assemble, traced
 from fidelity.bound import filling_time_bound, smallest_filling_time_bound
 from fidelity.dosing import cup_motion, design, design_parts
 from fidelity.dosing_level import DosingLevel
@@ -263,12 +263,18 @@ def evaluate(
     seed: Annotated[int, typer.Option(help="seed of the simulation", min=0)] = 1,
     settings: Design = None,
     best_of: FromRun = None,
+    trace: Annotated[
+        Path | None, typer.Option(help="directory for VTK files of the grains (YADE)")
+    ] = None,
 ) -> None:
     """Run one design once on one level and print what came out, as JSON."""
     study, _ = read_study(study_file)
     parts = assemble(study, where=str(study_file))
     x = _design(parts.problem, settings or [], best_of)
-    outcome = parts.ladder[level or parts.ladder.top.name].evaluate(x, seed=seed)
+    chosen = parts.ladder[level or parts.ladder.top.name]
+    if trace is not None:
+        chosen = traced(chosen, trace)
+    outcome = chosen.evaluate(x, seed=seed)
     terms = {}
     if outcome.finished:
         terms = objective_named(study.problem.objective)(outcome.raw)

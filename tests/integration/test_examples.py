@@ -2,12 +2,14 @@
 
 import json
 import re
+import shutil
 import subprocess
 import sys
 import tomllib
 from pathlib import Path
 
 import pytest
+from campaigns import STUDY
 
 from mfopt.search import Stage
 from mfopt.settings import checked
@@ -69,3 +71,14 @@ def test_geometry_writes_what_a_workshop_needs(tmp_path: Path) -> None:
     assert "vertical" in said
     for name in ("hopper.stl", "cup.stl", "machine.glb"):
         assert (tmp_path / name).stat().st_size > 1000
+
+
+@pytest.mark.yade
+@pytest.mark.skipif(shutil.which("yade") is None, reason="YADE is not installed")
+def test_evaluate_traces_a_run_without_changing_it(tmp_path: Path) -> None:
+    study = tmp_path / "study.toml"
+    study.write_text(STUDY.format(engine='"yade"'))
+    plain = json.loads(mfopt("evaluate", study))
+    traced = json.loads(mfopt("evaluate", study, "--trace", tmp_path / "trace"))
+    assert traced["objective"] == plain["objective"]
+    assert len(list((tmp_path / "trace").glob("*.vt*"))) > 10
