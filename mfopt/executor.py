@@ -10,15 +10,18 @@ import ctypes
 import multiprocessing
 import os
 import signal
+import tempfile
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from mfopt.errors import ConfigError
 from mfopt.evaluation import Candidate
 from mfopt.level import Ladder, Level
 from mfopt.outcome import Outcome
+from mfopt.store import full_disk_named
 
 MakeExecutor = Callable[[], cf.Executor]
 PR_SET_PDEATHSIG = 1  # prctl(2)
@@ -77,10 +80,11 @@ def evaluate(level: Level, x: Any, seed: int) -> Outcome:
     """Evaluate in a worker; an unexpected exception of a level is a crashed run.
 
     Raises:
-        ConfigError: if the level cannot run here at all, such as a missing program.
+        ConfigError: if no level could run here: a missing program, a full disk.
     """
     try:
-        return level.evaluate(x, seed=seed)
+        with full_disk_named(Path(tempfile.gettempdir())):
+            return level.evaluate(x, seed=seed)
     except ConfigError:
         raise
     except Exception as error:

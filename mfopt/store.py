@@ -13,6 +13,7 @@ dropped. Nothing is ever unpickled.
 import contextlib
 import errno
 import fcntl
+import io
 import json
 import math
 import os
@@ -203,28 +204,26 @@ def full_disk_named(path: Path) -> Iterator[None]:
 def write_aside(path: Path, content: bytes) -> None:
     """Write a file so that it is either whole or absent, whenever the writer is killed."""
     aside = path.with_name(f".{path.name}.{os.getpid()}")
-    with open(aside, "wb") as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())
-    aside.replace(path)
+    try:
+        with open(aside, "wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        aside.replace(path)
+    finally:
+        aside.unlink(missing_ok=True)
 
 
 def write_arrays(path: Path, arrays: Mapping[str, AnyArray]) -> None:
     """Write named arrays to an HDF5 file that is either whole or absent."""
-    aside = path.with_name(f".{path.name}.{os.getpid()}")
+    content = io.BytesIO()  # HDF5 cannot close a file on a full disk
+    with h5py.File(content, "w") as file:
+        for name, values in arrays.items():
+            array = np.asarray(values)
+            packed = {"compression": "gzip"} if array.size > 1000 else {}
+            file.create_dataset(name, data=array, **packed)
     with full_disk_named(path):
-        try:
-            with h5py.File(aside, "w") as file:
-                for name, values in arrays.items():
-                    array = np.asarray(values)
-                    packed = {"compression": "gzip"} if array.size > 1000 else {}
-                    file.create_dataset(name, data=array, **packed)
-            with open(aside, "rb") as written:
-                os.fsync(written.fileno())
-            aside.replace(path)
-        finally:
-            aside.unlink(missing_ok=True)
+        write_aside(path, content.getvalue())
 
 
 def read_arrays(path: Path) -> dict[str, AnyArray]:

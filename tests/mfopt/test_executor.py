@@ -1,3 +1,4 @@
+import errno
 import os
 import signal
 from collections.abc import Iterator
@@ -32,6 +33,8 @@ class Lethal:
             if died < self.deaths:
                 (self.directory / str(died)).touch()
                 os.kill(os.getpid(), signal.SIGKILL)
+        if x[0] > 1000:
+            raise OSError(errno.ENOSPC, "No space left on device")
         if x[0] > 100:
             raise ZeroDivisionError("x is large")
         return Outcome(x, self.name, seed, "finished", raw={"f": np.asarray(x[0] ** 2)})
@@ -80,6 +83,13 @@ def test_a_worker_that_dies_is_replaced_and_the_run_tried_again(
     assert sorted(done) == [0, 1, 2, 3]
     assert done[2].status == status
     assert all(done[i].finished for i in (0, 1, 3))
+
+
+def test_a_full_disk_stops_the_study_instead_of_failing_its_runs(tmp_path: Path) -> None:
+    runner = Runner(local_processes(1))
+    with pytest.raises(ConfigError, match="no disk space left"):
+        list(runner.run(Ladder((Lethal(tmp_path, 0),)), candidates(1.0, 2000.0)))
+    runner.close()
 
 
 def test_missing_scheduler_is_named() -> None:

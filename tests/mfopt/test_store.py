@@ -128,3 +128,22 @@ def test_damaged_array_file_is_named(tmp_path: Path) -> None:
     (tmp_path / "3.h5").write_bytes(b"no hdf5")
     with pytest.raises(ConfigError, match=r"3\.h5"):
         read_arrays(tmp_path / "3.h5")
+
+
+def test_full_disk_loses_nothing_that_was_written(tmp_path: Path) -> None:
+    small = tmp_path / "small"
+    small.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=300k", "tmpfs", str(small)]
+    if subprocess.run(mount, capture_output=True, check=False).returncode != 0:
+        pytest.skip("needs the right to mount a small file system")
+    try:
+        run = create(small / "run", "", {})
+        with pytest.raises(ConfigError, match="no disk space left"):
+            for index in range(1000):
+                run.add_evaluation(evaluation(index))
+        with writing(small / "run"):
+            again = list(open_run(small / "run").evaluations())
+        assert [e.candidate.index for e in again] == list(range(len(again)))
+        assert 0 < len(again) < 1000
+    finally:
+        subprocess.run(["umount", str(small)], check=True)
