@@ -138,9 +138,13 @@ def test_full_disk_loses_nothing_that_was_written(tmp_path: Path) -> None:
         pytest.skip("needs the right to mount a small file system")
     try:
         run = create(small / "run", "", {})
-        with pytest.raises(ConfigError, match="no disk space left"):
+
+        def fill() -> None:
             for index in range(1000):
                 run.add_evaluation(evaluation(index))
+
+        with pytest.raises(ConfigError, match="no disk space left"):
+            fill()
         with writing(small / "run"):
             again = list(open_run(small / "run").evaluations())
         assert [e.candidate.index for e in again] == list(range(len(again)))
