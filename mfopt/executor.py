@@ -138,13 +138,26 @@ def dask_cluster(address: str) -> MakeExecutor:
 
     def make() -> cf.Executor:
         try:
-            client: Any = Client
-            executor: cf.Executor = client(address, timeout="10s").get_executor(pure=False)
+            return _Cluster(Client(address, timeout="10s"))  # type: ignore[no-untyped-call]
         except (OSError, ValueError) as error:
             raise ConfigError(f"no Dask scheduler answers at {address}: {error}") from error
-        return executor
 
     return make
+
+
+class _Cluster(cf.Executor):
+    """Dask's own executor, and the connection behind it, which that leaves open."""
+
+    def __init__(self, client: Any) -> None:
+        self._client = client
+        self._executor: cf.Executor = client.get_executor(pure=False)
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> cf.Future[Any]:
+        return self._executor.submit(fn, *args, **kwargs)
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        self._executor.shutdown(wait)
+        self._client.close()
 
 
 def one_thread() -> cf.Executor:
