@@ -48,10 +48,11 @@ class Runner:
 
     def close(self) -> None:
         """End the workers, and at once what they are running."""
-        for child in multiprocessing.active_children():
-            child.kill()
         if self._executor is not None:
-            self._executor.shutdown()
+            # Python 3.14 calls this `kill_workers`; other executors have no processes here.
+            for worker in list((getattr(self._executor, "_processes", None) or {}).values()):
+                worker.kill()
+            self._executor.shutdown(cancel_futures=True)
             self._executor = None
 
     def _together(
@@ -70,9 +71,6 @@ class Runner:
         except BrokenProcessPool:
             lost = sorted(waiting.values(), key=lambda c: c.index)
             self.close()
-        finally:  # also when an exception such as an interrupt passes through
-            for future in waiting:
-                future.cancel()
         return lost
 
 
