@@ -15,6 +15,7 @@ from reports.rows import Row, read_rows
 from reports.sentence import objective_name, sentence, state
 from reports.units import Display, display, number
 
+ORIGIN = ("study", "mfopt_version", "platform", "created", "workers", "seed")  # of the header
 DESIGNS = 6  # shapes shown at most: two rows of a page
 
 
@@ -60,7 +61,8 @@ def context(run: RunDirectory, describe: Describe) -> dict[str, Any]:
     views = designs(facts, describe)
     shapes = pictures.shapes(views)
     return {
-        "header": facts.header,
+        "header": {name: facts.header[name] for name in ORIGIN},
+        "versions": facts.header.get("versions") or {},
         "study": _study(run),
         "end": run.end,
         "state": state(run.end, facts.rows),
