@@ -179,14 +179,18 @@ def report(path: RunPath, quiet: Quiet = False) -> None:
 def _write_reports(path: Path, parts: Assembled, console: Console) -> None:
     from reports.write import write_report
 
-    describe = partial(_view, parts.dosing, parts.confirm_on.top)
+    dosing = parts.dosing
+    bound = None if dosing is None else smallest_filling_time_bound(dosing)
+    describe = partial(_view, dosing, parts.confirm_on.top, bound)
     pages = {"html": path / "report.html", "pdf": path / "report.pdf"}
     write_report(open_run(path), describe=describe, **pages)
     for page in pages.values():
         console.print(f"wrote {page}", highlight=False)
 
 
-def _view(dosing: DosingSettings | None, top: Level, x: Array) -> DesignView | None:
+def _view(
+    dosing: DosingSettings | None, top: Level, bound_any_s: float | None, x: Array
+) -> DesignView | None:
     """What a report shows of a design besides its numbers; None without a scene."""
     if dosing is None:
         return None
@@ -207,7 +211,7 @@ def _view(dosing: DosingSettings | None, top: Level, x: Array) -> DesignView | N
         },
         notes=tuple(manufacturability(machine.loft).sentences()),
         bound_s=bound if math.isfinite(bound := filling_time_bound(machine)) else None,
-        bound_any_s=smallest_filling_time_bound(dosing),
+        bound_any_s=bound_any_s,
         grain_offsets=no_grain if grain is None else grain.offsets,
         grain_radii=no_grain[:, 0] if grain is None else grain.radii,
     )

@@ -1,6 +1,5 @@
 """The page of a report: everything its template sets, computed once for both forms."""
 
-import base64
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -16,6 +15,7 @@ from reports.rows import Row, read_rows
 from reports.sentence import objective_name, sentence, state
 from reports.units import Display, display, number
 
+ORIGIN = ("study", "mfopt_version", "platform", "created", "workers", "seed")  # of the header
 DESIGNS = 6  # shapes shown at most: two rows of a page
 
 
@@ -53,29 +53,38 @@ def gather(run: RunDirectory) -> Facts:
 
 
 def context(run: RunDirectory, describe: Describe) -> dict[str, Any]:
-    """Everything that the template names."""
+    """Everything that the templates name: text, numbers, SVG drawings, PNG pictures."""
     facts = gather(run)
-    best = None if facts.result is None else describe(facts.result.x)
+    its = facts.result
+    best = None if its is None else describe(its.x)
     baseline = describe(np.asarray(facts.header["baseline"], dtype=float))
     views = designs(facts, describe)
     shapes = pictures.shapes(views)
     return {
-        "header": facts.header,
+        "header": {name: facts.header[name] for name in ORIGIN},
+        "versions": facts.header.get("versions") or {},
         "study": _study(run),
         "end": run.end,
         "state": state(run.end, facts.rows),
-        "sentence": sentence(
-            facts.result, facts.rows, facts.name, facts.shown, ended=run.end is not None
-        ),
+        "sentence": sentence(its, facts.rows, facts.name, facts.shown, ended=run.end is not None),
         "name": facts.name,
         "unit": facts.shown.unit,
-        "result": facts.result,
-        "best": best,
+        "result": its and {"confirmed": bool(its.confirmations)},
+        "best": best and _shown(best),
         "cards": cards(facts, best),
-        "designs": [(v.label, _data("image/png", s)) for v, s in zip(views, shapes, strict=True)],
+        "designs": [(v.label, picture) for v, picture in zip(views, shapes, strict=True)],
         "scene": viewer.scene(views) if views else None,
         **_tables(facts),
         **_figures(facts, best, baseline),
+    }
+
+
+def _shown(best: DesignView) -> dict[str, Any]:
+    bounds = {"bound_ms": best.bound_s, "bound_any_ms": best.bound_any_s}
+    return {
+        "notes": list(best.notes),
+        "has_points": bool(best.motion_points),
+        **{name: None if s is None else f"{1e3 * s:.0f}" for name, s in bounds.items()},
     }
 
 
@@ -123,10 +132,7 @@ def _figures(
             made["passages"] = charts.passages(times, _passage_times(facts, facts.result.baseline))
         if best is not None:
             made["snapshots"] = pictures.snapshots(_raw(facts, facts.result.typical), best)
-    return {
-        name: None if svg is None else _data("image/svg+xml", svg.encode())
-        for name, svg in made.items()
-    }
+    return made
 
 
 def _raw(facts: Facts, row: Row) -> Mapping[str, AnyArray]:
@@ -188,7 +194,3 @@ def cards(facts: Facts, best: DesignView | None) -> list[tuple[str, str, str]]:
         cost = f"{number(total.cpu_s / 3600.0, 3)}\u202fCPU h in {total.runs} runs{failed}"
         made.append(("cost in full runs", number(total.work, 3), cost))
     return made
-
-
-def _data(kind: str, content: bytes) -> str:
-    return f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"

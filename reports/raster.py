@@ -178,18 +178,18 @@ def _hit(
 ) -> tuple[IntArray, Pixels, IntArray, Array] | None:
     """Pixels at one offset from the spheres' centres: index, nearness, sphere, brightness."""
     rows, columns = near.shape
-    place = corner + np.array(offset)
-    away = (place + 0.5 - seen[:, :2]) / r[:, None]
-    square = (away**2).sum(axis=1)
-    inside = (square < 1.0) & (place >= 0).all(axis=1) & (place < (columns, rows)).all(axis=1)
-    who = np.flatnonzero(inside)
+    column, row = corner[:, 0] + offset[0], corner[:, 1] + offset[1]
+    away_x, away_y = (column + 0.5 - seen[:, 0]) / r, (row + 0.5 - seen[:, 1]) / r
+    square = away_x * away_x + away_y * away_y
+    within = (column >= 0) & (row >= 0) & (column < columns) & (row < rows)
+    who = np.flatnonzero((square < 1.0) & within)
     if not who.size:
         return None
     height = np.sqrt(1.0 - square[who])
-    normal = np.column_stack((away[who, 0], -away[who, 1], height))
+    normal = np.column_stack((away_x[who], -away_y[who], height))
     brightness = SPHERE_AMBIENT + (1.0 - SPHERE_AMBIENT) * np.clip(normal @ LIGHT, 0.0, 1.0)
     depth = (seen[who, 2] + r[who] * height).astype(np.float32)
-    return place[who, 1] * columns + place[who, 0], depth, who, brightness
+    return row[who] * columns + column[who], depth, who, brightness
 
 
 def finish(picture: Picture) -> NDArray[np.uint8]:

@@ -1,9 +1,14 @@
 """Write the report of a run directory: one self-contained HTML file, and the same as PDF."""
 
+import base64
+import json
+import shutil
+from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
-from mfopt.errors import MfoptError
 from mfopt.store import RunDirectory, write_aside
 from reports.design import Describe
 from reports.page import context
@@ -24,36 +29,50 @@ def write_report(
         describe: gives shape, motion and bounds of a design, or None where there are none.
         html: file to write.
         pdf: file to write, or None for no PDF.
-
-    Raises:
-        MfoptError: if the libraries that set the PDF are missing.
     """
     page = context(run, describe)
-    write_aside(html, render(page, interactive=True).encode())
+    write_aside(html, _html(page).encode())
     if pdf is not None:
-        write_aside(pdf, _pdf(render(page, interactive=False)))
+        write_aside(pdf, _pdf(page))
 
 
-def render(page: dict[str, Any], *, interactive: bool) -> str:
-    """Set the page: with the viewer, or for print."""
+def _html(page: Mapping[str, Any]) -> str:
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     environment = Environment(
         loader=FileSystemLoader(HERE), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
+    environment.filters["svg"] = lambda text: _data("image/svg+xml", text.encode())
+    environment.filters["png"] = lambda content: _data("image/png", content)
     style = (HERE / "style.css").read_text(encoding="utf-8")
-    script = (HERE / "viewer.js").read_text(encoding="utf-8") if interactive else ""
-    template = environment.get_template("template.html")
-    return template.render(page, style=style, script=script, interactive=interactive)
+    script = (HERE / "viewer.js").read_text(encoding="utf-8")
+    return environment.get_template("template.html").render(page, style=style, script=script)
 
 
-def _pdf(html: str) -> bytes:
-    try:
-        from weasyprint import HTML
-    except OSError as error:  # it loads Pango, which pip cannot install
-        raise MfoptError(
-            f"the PDF needs the library Pango ({error}); install it "
-            "(Debian, Ubuntu: libpango-1.0-0 libpangoft2-1.0-0), or open the HTML and print it"
-        ) from error
-    return bytes(HTML(string=html).write_pdf())
+def _data(kind: str, content: bytes) -> str:
+    return f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"
+
+
+def _pdf(page: Mapping[str, Any]) -> bytes:
+    """Set the page by Typst, in a directory that holds all that it may read.
+
+    The fonts are those that come with matplotlib, so that the pages are the same everywhere.
+    """
+    import typst
+    from matplotlib import get_data_path
+
+    with TemporaryDirectory(prefix="mfopt-") as name:
+        folder = Path(name)
+        designs = []
+        for i, (label, picture) in enumerate(page["designs"]):
+            (folder / f"{i}.png").write_bytes(picture)
+            designs.append((label, f"{i}.png"))
+        shown = {key: value for key, value in page.items() if key != "scene"}
+        text = json.dumps({**shown, "designs": designs}, default=asdict)
+        (folder / "page.json").write_text(text, encoding="utf-8")
+        shutil.copy(HERE / "template.typ", folder)
+        return typst.compile(
+            folder / "template.typ", root=folder, ignore_system_fonts=True,
+            font_paths=[Path(get_data_path(), "fonts", "ttf")],
+        )  # fmt: skip

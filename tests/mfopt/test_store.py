@@ -11,7 +11,7 @@ import pytest
 from mfopt.errors import ConfigError
 from mfopt.evaluation import Candidate, Evaluation, Generation
 from mfopt.outcome import Outcome
-from mfopt.store import create, open_run, read_arrays, writing
+from mfopt.store import create, open_run, read_arrays, write_arrays, writing
 
 
 def evaluation(index: int) -> Evaluation:
@@ -34,6 +34,16 @@ def test_what_is_written_is_read_back_bit_for_bit(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read.candidate.x, written.candidate.x)
     for name, array in written.outcome.raw.items():
         np.testing.assert_array_equal(read.outcome.raw[name], array)
+
+
+def test_arrays_of_any_kind_keep_their_shape_and_type(tmp_path: Path) -> None:
+    arrays = {"none": np.empty((0, 3)), "flags": np.array([True, False]), "one": np.array(1 + 2j),
+              "packed": np.arange(5000, dtype="i2").reshape(50, 100)}  # fmt: skip
+    write_arrays(tmp_path / "a.h5", arrays)
+    read = read_arrays(tmp_path / "a.h5")
+    assert read.keys() == arrays.keys()
+    for name, array in arrays.items():
+        np.testing.assert_array_equal(read[name], array, strict=True)
 
 
 def test_failed_run_keeps_its_reason_and_stays_infinite(tmp_path: Path) -> None:
