@@ -94,7 +94,10 @@ def _version(program: str) -> str:
             f"{program} is not installed; install it (Debian, Ubuntu: apt-get install yade), "
             "or choose the engine bullet"
         )
-    answer = subprocess.run([program, "--version"], capture_output=True, text=True, check=False)
+    command = [program, "--version"]
+    answer = subprocess.run(command, capture_output=True, text=True, check=False)
+    if answer.returncode < 0:  # a signal killed it: once more, as with runs
+        answer = subprocess.run(command, capture_output=True, text=True, check=False)
     words = answer.stdout.split()
     if answer.returncode != 0 or not words:
         raise ConfigError(f"{program} --version fails: {answer.stderr.strip()[-200:]}")

@@ -180,7 +180,7 @@ def _write_reports(path: Path, parts: Assembled, console: Console) -> None:
     from reports.write import write_report
 
     dosing = parts.dosing
-    bound = None if dosing is None else smallest_filling_time_bound(dosing)
+    bound = None if dosing is None else _finite(smallest_filling_time_bound(dosing))
     describe = partial(_view, dosing, parts.confirm_on.top, bound)
     pages = {"html": path / "report.html", "pdf": path / "report.pdf"}
     write_report(open_run(path), describe=describe, **pages)
@@ -210,11 +210,15 @@ def _view(
             name: (t * machine.cycle, machine.stroke * (y - 0.5)) for name, (t, y) in points.items()
         },
         notes=tuple(manufacturability(machine.loft).sentences()),
-        bound_s=bound if math.isfinite(bound := filling_time_bound(machine)) else None,
+        bound_s=_finite(filling_time_bound(machine)),
         bound_any_s=bound_any_s,
         grain_offsets=no_grain if grain is None else grain.offsets,
         grain_radii=no_grain[:, 0] if grain is None else grain.radii,
     )
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def _print_result(path: Path, console: Console, *, as_json: bool) -> None:
