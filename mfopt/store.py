@@ -2,10 +2,10 @@
 
     study.toml       the study as given
     run.json         format, versions, seeds, choices made at the start
-    journal.jsonl    one line per generation and evaluation, in the order of the search
-    outcomes/N.h5    raw arrays of evaluation N
+    journal.jsonl    one line per generation and evaluation, with its numbers
+    outcomes/N.h5    arrays of evaluation N, if it has any
 
-An outcome is written aside, flushed and renamed before its journal line is appended and
+Arrays are written aside, flushed and renamed before the journal line is appended and
 flushed, so a kill at any instant loses at most the runs in flight. A torn last line is
 dropped. Nothing is ever unpickled.
 """
@@ -65,7 +65,9 @@ class RunDirectory:
 
     def _evaluation(self, line: Mapping[str, Any]) -> Evaluation:
         x = frozen(line["x"])
-        raw = read_arrays(self.path / "outcomes" / f"{line['index']}.h5")
+        raw = {name: np.asarray(value) for name, value in line["raw"].items()}
+        if line["arrays"]:
+            raw |= read_arrays(self.path / "outcomes" / f"{line['index']}.h5")
         return Evaluation(
             Candidate(line["index"], x, line["level"], line["seed"], line["generation"],
                       line["purpose"]),
@@ -84,13 +86,17 @@ class RunDirectory:
     def add_evaluation(self, evaluation: Evaluation) -> None:
         """Append an evaluation: arrays first, then the journal line that makes it count."""
         c, o = evaluation.candidate, evaluation.outcome
+        scalars = {name: a.item() for name, a in o.raw.items() if _fits_json(a)}
+        arrays = {name: a for name, a in o.raw.items() if name not in scalars}
         line = {
             "kind": "evaluation", "index": c.index, "generation": c.generation,
             "purpose": c.purpose, "level": c.level, "seed": c.seed, "x": list(map(float, c.x)),
             "objective": evaluation.objective if math.isfinite(evaluation.objective) else None,
             "status": o.status, "why": o.why, "work": o.work, "cpu_s": o.cpu_s,
+            "raw": scalars, "arrays": bool(arrays),
         }  # fmt: skip
-        write_arrays(self.path / "outcomes" / f"{c.index}.h5", o.raw)
+        if arrays:
+            write_arrays(self.path / "outcomes" / f"{c.index}.h5", arrays)
         self._append(line)
         self._lines.append(line)
 
@@ -229,22 +235,16 @@ def write_arrays(path: Path, arrays: Mapping[str, AnyArray]) -> None:
 def read_arrays(path: Path) -> dict[str, AnyArray]:
     """Read every array of an HDF5 file.
 
-    By h5py's low-level calls: they take half the time of the others, and files are many.
-
     Raises:
         ConfigError: if the file is missing or damaged.
     """
     try:
-        file = h5py.h5f.open(os.fsencode(path), h5py.h5f.ACC_RDONLY)
-        try:
-            return {name.decode(): _read(h5py.h5d.open(file, name)) for name in file}
-        finally:
-            file.close()
+        with h5py.File(path, "r") as file:
+            return {name: np.asarray(dataset) for name, dataset in file.items()}
     except OSError as error:
         raise ConfigError(f"{path} is missing or damaged; restore it: {error}") from error
 
 
-def _read(dataset: h5py.h5d.DatasetID) -> AnyArray:
-    array = np.empty(dataset.shape, dataset.dtype)
-    dataset.read(h5py.h5s.ALL, h5py.h5s.ALL, array)
-    return array
+def _fits_json(value: AnyArray) -> bool:
+    """Whether JSON gives this number back bit for bit, and with its type."""
+    return value.ndim == 0 and value.dtype in (np.int64, np.float64) and bool(np.isfinite(value))
