@@ -26,7 +26,7 @@ class DesignView:
     parts: Mapping[str, Mesh] = field(default_factory=dict)  # as they stand at time 0
     moving: frozenset[str] = frozenset({"cup"})  # parts that follow the motion
     motion_times: Array = field(default_factory=_none)  # (m,) [s], from 0
-    cup_positions: Array = field(default_factory=_none)  # (m,) displacement along x [m]
+    cup_positions: Array = field(default_factory=_none)  # (m,) of its centre along x [m]
     cup_velocities: Array = field(default_factory=_none)  # (m,) [m/s]
     motion_points: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     # named points of the motion law: time [s], position [m]

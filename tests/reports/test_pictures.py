@@ -1,5 +1,6 @@
 """Pictures of designs and grains: sections and turns against closed forms."""
 
+import dataclasses
 from collections.abc import Callable
 
 import numpy as np
@@ -9,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from mfopt.arrays import Array
 from mfopt.store import RunDirectory
 from reports.design import DesignView
-from reports.pictures import rotate, section, shapes, snapshots
+from reports.pictures import cuts, rotate, section, shapes, snapshots
 from reports.result import result
 from reports.rows import read_rows
 
@@ -82,3 +83,20 @@ def test_a_moment_without_any_grain_left_is_drawn_empty(
         array[-1] = np.nan
         raw[f"snapshot_{name}"] = array
     assert snapshots(raw, machine(np.full(13, 0.1))) is not None
+
+
+def test_the_cup_is_drawn_where_its_motion_has_taken_it(
+    machine: Callable[[Array], DesignView],
+) -> None:
+    x = np.array([0.133, 0.101, 0.025, 0, 0.112, 0.085, 0.025, 0, 0.3, 0.45, 0.7, 0.6, 1.2])
+    view = machine(x)
+    only_cup = dataclasses.replace(
+        view,
+        parts={"cup": view.parts["cup"]},
+        cup_positions=view.cup_positions - 0.2,  # counted from the hole, as the command line does
+    )
+    start = view.parts["cup"][0][:, 0].mean()
+    for i in (0, 40, 120):
+        time, place = view.motion_times[i], view.cup_positions[i] - view.cup_positions[0]
+        middle = cuts(only_cup, time)[:, :, 0].mean()
+        assert middle == pytest.approx(start + place, abs=1e-9)
