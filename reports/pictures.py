@@ -73,7 +73,7 @@ def snapshots(raw: Mapping[str, AnyArray], design: DesignView) -> str | None:
         return None
     times, positions = raw["snapshot_times"], raw["snapshot_positions"]
     top_speed = charts.round_up(float(np.nanquantile(raw["snapshot_speeds"], 0.99)))
-    cuts = [cuts(design, float(t)) for t in times]
+    cuts = [wall_lines(design, float(t)) for t in times]
     view = _front(cuts, positions)
     pixels = [
         _grains(view, design, positions[i], raw["snapshot_orientations"][i],
@@ -123,7 +123,7 @@ def rotate(quaternions: Array, offsets: Array) -> Array:
     return np.asarray(offsets[None] + w * twice + np.cross(v, twice))
 
 
-def cuts(design: DesignView, time: float) -> Array:
+def wall_lines(design: DesignView, time: float) -> Array:
     """Segments (m, 2, 2) of x and z where the parts cross y = 0 at `time` [s]."""
     moved = 0.0
     if len(design.motion_times):

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from mfopt.arrays import Array
 from mfopt.store import RunDirectory
 from reports.design import DesignView
-from reports.pictures import cuts, rotate, section, shapes, snapshots
+from reports.pictures import rotate, section, shapes, snapshots, wall_lines
 from reports.result import result
 from reports.rows import read_rows
 
@@ -98,5 +98,5 @@ def test_the_cup_is_drawn_where_its_motion_has_taken_it(
     start = view.parts["cup"][0][:, 0].mean()
     for i in (0, 40, 120):
         time, place = view.motion_times[i], view.cup_positions[i] - view.cup_positions[0]
-        middle = cuts(only_cup, time)[:, :, 0].mean()
+        middle = wall_lines(only_cup, time)[:, :, 0].mean()
         assert middle == pytest.approx(start + place, abs=1e-9)
