@@ -22,7 +22,7 @@ class Outcome:
     level: str
     seed: int
     status: Status
-    why: str | None = None  # one line; None if the run finished
+    why: str | None = None  # one line, then the last of its log if it crashed; None if finished
     raw: Mapping[str, AnyArray] = field(default_factory=dict)
     work: float = 0.0  # [sphere-steps times the engine's cost factor]
     cpu_s: float = 0.0  # measured; never decides anything
