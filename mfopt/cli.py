@@ -7,7 +7,7 @@ import shutil
 from collections.abc import Callable, Mapping
 from functools import partial, wraps
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import typer
@@ -30,9 +30,13 @@ from mfopt.header import header
 from mfopt.level import Level
 from mfopt.objective import objective_named
 from mfopt.problem import Problem
-from mfopt.store import full_disk_named, open_run, writing
+from mfopt.store import RunDirectory, full_disk_named, open_run, writing
 from mfopt.study import Study, read_study
 from reports.design import DesignView
+
+if TYPE_CHECKING:
+    from reports.result import Result
+    from reports.rows import Row
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -223,12 +227,8 @@ def _finite(value: float) -> float | None:
 
 def _print_result(path: Path, console: Console, *, as_json: bool) -> None:
     """The result in a few lines, or as JSON."""
-    from reports.result import result
-    from reports.rows import read_rows
-
     run = open_run(path)
-    rows = read_rows(run)
-    found = result(rows, [level["name"] for level in run.header["levels"]])
+    rows, found = _found(run)
     answer: dict[str, Any] = {
         "study": run.header["study"],
         "ended": run.end,
@@ -250,6 +250,15 @@ def _print_result(path: Path, console: Console, *, as_json: bool) -> None:
         typer.echo(json.dumps(answer, indent=2))
     else:
         console.print(_as_table(answer))
+
+
+def _found(run: RunDirectory) -> "tuple[tuple[Row, ...], Result | None]":
+    """The evaluations of a run, and its best design so far."""
+    from reports.result import result
+    from reports.rows import read_rows
+
+    rows = read_rows(run)
+    return rows, result(rows, [level["name"] for level in run.header["levels"]])
 
 
 def _as_table(answer: Mapping[str, Any]) -> Table:
@@ -352,11 +361,8 @@ def _design(problem: Problem, settings: list[str], best_of: Path | None) -> Arra
 
 
 def _best_design(path: Path, problem: Problem) -> Array:
-    from reports.result import result
-    from reports.rows import read_rows
-
     run = open_run(path)
-    found = result(read_rows(run), [level["name"] for level in run.header["levels"]])
+    _, found = _found(run)
     if found is None:
         raise ConfigError(f"{path} has no finished run yet")
     names = tuple(variable["name"] for variable in run.header["variables"])

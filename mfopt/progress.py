@@ -52,14 +52,11 @@ class ProgressDisplay:
 
     def watch(self, progress: RunProgress) -> None:
         """Take notice of one more evaluation."""
-        candidate, work = (
-            progress.evaluation.candidate,
-            self._work[progress.evaluation.candidate.level],
-        )
+        candidate, outcome = progress.evaluation.candidate, progress.evaluation.outcome
+        work = self._work[candidate.level]
         self._spent += work
-        self._measured += 0.0 if progress.replayed else work
         if not progress.replayed:
-            outcome = progress.evaluation.outcome
+            self._measured += work
             self._simulators_cpu_s += outcome.cpu_s + float(outcome.raw.get("settling_cpu_s", 0.0))
         if candidate.purpose != "search":
             self._confirm_work -= work
