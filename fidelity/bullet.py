@@ -1,7 +1,7 @@
 """PyBullet as an engine: rigid bodies and impulses, a contact model independent of the springs.
 
 What it makes of a setup: Coulomb friction as given; stiffness does not occur, bodies are
-rigid; the numerical damping of `Physics` becomes the coefficient of restitution that it
+rigid; `Physics.restitution`, or where it is not given the one that the numerical damping
 stands for (`bullet_world.restitution`). A moving wall yields a little to what it pinches
 (`bullet_world.MOVING_WALL_MODULUS`). Free fall is undamped. `Physics.timestep_factor` is
 for contact springs and not used. A grain's spheres, mass and inertia are the setup's.
@@ -14,10 +14,20 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from fidelity.engine import Movement, Setup
+from fidelity.engine import Grain, Material, Movement, Physics, Setup
 from fidelity.exchange import failed_movement, read_movement, write_setup
 from fidelity.process import run_logged
+from fidelity.refuse import refuse
 from mfopt.errors import ConfigError
+
+LACKS = (
+    "contact_law",
+    "rolling_friction",
+    "adhesion_energy",
+    "linear_drag",
+    "quadratic_drag",
+    "body_forces",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,12 +35,12 @@ class BulletEngine:
     """Bullet through its Python wheel, one process a run."""
 
     # Shortened where a grain would fall half its radius in a step (bullet_script.safe_timestep).
-    timestep: float = 1e-3  # [s]
+    timestep_s: float = 1e-3
     iterations: int = 10  # of the contact solver, per step
 
     def __post_init__(self) -> None:
-        if not self.timestep > 0.0:
-            raise ConfigError(f"timestep = {self.timestep:g} s must be positive; 0.001 is usual")
+        if not self.timestep_s > 0.0:
+            raise ConfigError(f"timestep_s = {self.timestep_s:g} must be positive; 0.001 is usual")
         if self.iterations < 1:
             raise ConfigError(f"iterations = {self.iterations} must be at least 1; 10 is usual")
 
@@ -54,13 +64,23 @@ class BulletEngine:
             raise ConfigError("engine bullet: PyBullet is missing; run `pip install pybullet`")
         return f"pybullet {importlib.metadata.version('pybullet')}"
 
+    def timestep(
+        self, grain: Grain, grain_material: Material, wall_material: Material, physics: Physics
+    ) -> float:
+        """Time step [s]: the engine's own, whatever grains and materials."""
+        return self.timestep_s
+
     def move(self, setup: Setup, *, time_limit_s: float) -> Movement:
-        """Move the grains. A run that crashes, explodes or hangs is returned as such."""
+        """Move the grains. A run that crashes, explodes or hangs is returned as such.
+
+        Raises:
+            ConfigError: if the setup asks for physics that Bullet lacks.
+        """
+        refuse(self.name, setup.physics, lacks=LACKS)
         with tempfile.TemporaryDirectory(prefix="mfopt-bullet-") as name:
             directory = Path(name)
-            write_setup(
-                setup, directory, {"timestep": self.timestep, "iterations": self.iterations}
-            )
+            settings = {"timestep": self.timestep_s, "iterations": self.iterations}
+            write_setup(setup, directory, settings)
             ended = run_logged(
                 [sys.executable, "-m", "fidelity.bullet_script", name],
                 directory=directory,

@@ -20,9 +20,13 @@ from fidelity.bullet_world import (
     read_overlaps,
     read_poses,
     read_velocities,
+    sizes,
+    smallest_radius,
+    start,
 )
-from fidelity.engine import Movement, Setup, WallMotion
+from fidelity.engine import Movement, Setup
 from fidelity.exchange import SNAPSHOT_KEYS, read_setup, write_movement
+from fidelity.wall_motion import top_speed
 from mfopt.arrays import Array
 
 CHECK_EVERY = 20  # [steps] energy, overlap, rest: reading all contacts costs as much as a step
@@ -53,6 +57,7 @@ class _Run:
     positions: Array
     orientations: Array
     velocities: Array
+    angular_velocities: Array
     sphere_steps: float = 0.0
     max_overlap: float = 0.0
     max_kinetic_energy: float = 0.0
@@ -87,7 +92,7 @@ def move(setup: Setup, *, timestep: float, iterations: int) -> Movement:
 
 
 def safe_timestep(setup: Setup, timestep: float) -> float:
-    """The step [s], shortened so that no grain falls or is pushed half its radius within it.
+    """The step [s], shortened so that no grain falls, flies or is pushed half its radius within it.
 
     Slower than that, no sphere passes through a wall between two steps.
     """
@@ -95,16 +100,16 @@ def safe_timestep(setup: Setup, timestep: float) -> float:
         return timestep
     lowest = max(setup.exit_z, min(float(np.min(wall.vertices[:, 2])) for wall in setup.walls))
     height = max(0.0, float(np.max(setup.packing.positions[:, 2])) - lowest)
-    fastest = max(math.sqrt(2.0 * setup.physics.gravity * height), wall_speed(setup.motion))
-    within = 0.5 * float(np.min(setup.grain.radii))
+    fastest = max(math.sqrt(2.0 * setup.physics.gravity * height), given_speed(setup))
+    within = 0.5 * smallest_radius(setup)
     return min(timestep, within / fastest) if fastest > 0.0 else timestep
 
 
-def wall_speed(motion: WallMotion | None) -> float:
-    """Largest speed of the moving walls [m/s]."""
-    if motion is None or motion.times.size < 2:
-        return 0.0
-    return float(np.max(np.abs(np.diff(motion.displacements) / np.diff(motion.times))))
+def given_speed(setup: Setup) -> float:
+    """Largest speed [m/s] that the setup gives a wall, or a grain at the start."""
+    velocities, _ = start(setup)
+    of_walls = (top_speed(wall.motion, wall.vertices) for wall in setup.walls)
+    return max([float(np.max(np.linalg.norm(velocities, axis=1))), *of_walls])
 
 
 def _start(setup: Setup, world: World) -> _Run:
@@ -117,17 +122,14 @@ def _start(setup: Setup, world: World) -> _Run:
         positions=setup.packing.positions.copy(),
         orientations=setup.packing.orientations.copy(),
         velocities=np.zeros((n, 3)),
+        angular_velocities=np.zeros((n, 3)),
     )
 
 
 def _advance(p: Any, world: World, setup: Setup, run: _Run, time: float, dt: float) -> None:
     """One step from `time` to `time + dt`; grains that fell below `exit_z` leave."""
-    if setup.motion is not None:
-        # Contacts are found where the wall is now and solved for where it will be.
-        now, then = np.interp(
-            [time, time + dt], setup.motion.times, setup.motion.displacements
-        ).tolist()
-        place_walls(p, world, now, (then - now) / dt)
+    # Contacts are found where a wall is now and solved for where it will be.
+    place_walls(p, world, time, dt)
     p.stepSimulation()
     run.sphere_steps += float(len(run.live) * setup.grain.radii.size)
     before, run.heights = run.heights, read_heights(p, run.bodies)
@@ -146,7 +148,8 @@ def _advance(p: Any, world: World, setup: Setup, run: _Run, time: float, dt: flo
 
 def _keep_state(p: Any, run: _Run) -> None:
     run.positions[run.live], run.orientations[run.live] = read_poses(p, run.bodies)
-    run.velocities[run.live], _ = read_velocities(p, run.bodies)
+    velocities, spins = read_velocities(p, run.bodies)
+    run.velocities[run.live], run.angular_velocities[run.live] = velocities, spins
 
 
 def _trouble(p: Any, setup: Setup, run: _Run, time: float, dt: float) -> str | None:
@@ -154,13 +157,17 @@ def _trouble(p: Any, setup: Setup, run: _Run, time: float, dt: float) -> str | N
     _keep_state(p, run)
     if not np.all(np.isfinite(run.positions)):
         return f"the position of a grain is not a number at {time:.4f} s; shorten timestep"
-    energy = kinetic_energy(p, setup, run)
-    r_min = float(np.min(setup.grain.radii))
+    live = run.live
+    energy = kinetic_energy(
+        setup, live, run.velocities[live], run.angular_velocities[live], run.orientations[live]
+    )
+    r_min = smallest_radius(setup)
     overlaps, pairs = read_overlaps(p)
     deep = np.unique(pairs[overlaps > OVERLAP_LIMIT * r_min])
     run.max_kinetic_energy = max(run.max_kinetic_energy, energy)
     run.max_overlap = max(run.max_overlap, float(np.max(overlaps, initial=0.0)) / r_min)
-    if energy > 0.5 * setup.grain.mass * len(run.live) * rest_speed(setup, dt) ** 2:
+    mass = setup.grain.mass * float(np.sum(sizes(setup)[live] ** 3))
+    if energy > 0.5 * mass * rest_speed(setup, dt) ** 2:
         run.restless_at = time
     limit = ENERGY_MARGIN * available_energy(setup, run.positions)
     if energy > limit:
@@ -179,19 +186,28 @@ def _trouble(p: Any, setup: Setup, run: _Run, time: float, dt: float) -> str | N
 
 def rest_speed(setup: Setup, dt: float) -> float:
     """Root mean square speed [m/s] below which the grains count as resting."""
-    gravity, r_min = setup.physics.gravity, float(np.min(setup.grain.radii))
+    gravity, r_min = setup.physics.gravity, smallest_radius(setup)
     return max(REST_SPEED * math.sqrt(gravity * r_min), gravity * dt)
 
 
-def kinetic_energy(p: Any, setup: Setup, run: _Run) -> float:
-    """Energy of motion and of spin of the grains that have not left [J]."""
-    v, spin = read_velocities(p, run.bodies)
-    q = run.orientations[run.live]
+def kinetic_energy(
+    setup: Setup, grains: list[int], velocities: Array, spins: Array, orientations: Array
+) -> float:
+    """Energy of motion and of spin [J] of the grains numbered `grains` (g,).
+
+    Args:
+        setup: their mass and inertia.
+        grains: their numbers.
+        velocities: (g, 3) [m/s].
+        spins: angular velocities (g, 3) [rad/s].
+        orientations: (g, 4).
+    """
+    scales, q = sizes(setup)[grains][:, None], orientations
     # Spin in the grain's frame: rotated by the conjugate quaternion.
-    twice = 2.0 * np.cross(spin, q[:, 1:])
-    own = spin + q[:, :1] * twice + np.cross(twice, q[:, 1:])  # (live, 3)
-    motion = setup.grain.mass * float(np.sum(v**2))
-    return 0.5 * (motion + float(np.sum(setup.grain.inertia * own**2)))
+    twice = 2.0 * np.cross(spins, q[:, 1:])
+    own = spins + q[:, :1] * twice + np.cross(twice, q[:, 1:])  # (g, 3)
+    motion = setup.grain.mass * float(np.sum(scales**3 * velocities**2))
+    return 0.5 * (motion + float(np.sum(scales**5 * setup.grain.inertia * own**2)))
 
 
 def available_energy(setup: Setup, positions: Array) -> float:
@@ -199,13 +215,16 @@ def available_energy(setup: Setup, positions: Array) -> float:
 
     A wall of speed w throws a grain back at 2 w at most.
     """
-    drop = float(np.sum(setup.packing.positions[:, 2] - positions[:, 2]))
-    n, m = positions.shape[0], setup.grain.mass
-    size = float(np.max(setup.grain.radii) + np.max(np.abs(setup.grain.offsets)))
-    by_gravity = m * setup.physics.gravity * (max(drop, 0.0) + n * size)
-    fastest = max(wall_speed(setup.motion), abs(setup.start_velocity))
-    by_walls = 0.5 * n * m * (2.0 * fastest) ** 2
-    return float(by_gravity + by_walls)
+    scales, packing = sizes(setup), setup.packing
+    masses = setup.grain.mass * scales**3
+    drop = float(np.sum(masses * (packing.positions[:, 2] - positions[:, 2])))
+    reach = float(np.max(setup.grain.radii) + np.max(np.abs(setup.grain.offsets)))
+    own_height = reach * float(np.sum(masses * scales))
+    by_gravity = setup.physics.gravity * (max(drop, 0.0) + own_height)
+    by_walls = 0.5 * float(np.sum(masses)) * (2.0 * given_speed(setup)) ** 2
+    still, spins = np.zeros_like(positions), start(setup)[1]
+    by_spin = kinetic_energy(setup, list(range(len(scales))), still, spins, packing.orientations)
+    return by_gravity + by_walls + by_spin
 
 
 def _ends_early(setup: Setup, run: _Run, time: float) -> bool:
@@ -243,6 +262,7 @@ def _movement(setup: Setup, run: _Run, why: str | None, steps: int, dt: float) -
         positions=run.positions,
         orientations=run.orientations,
         velocities=run.velocities,
+        angular_velocities=run.angular_velocities,
         end_time=steps * dt,
         steps=steps,
         sphere_steps=run.sphere_steps,

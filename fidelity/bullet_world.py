@@ -1,8 +1,8 @@
 """A setup as PyBullet bodies: scaled units, friction, restitution, walls.
 
 Bullet's contact margins are made for bodies of about 0.1 to 10 length units, and its solver
-for masses near 1; so lengths are multiplied by `LENGTH_SCALE`, a grain's mass is 1, and times
-are kept. Contact with rigid bodies depends on ratios of masses only.
+for masses near 1; so lengths are multiplied by `LENGTH_SCALE`, the mass of a grain of scale 1
+is 1, and times are kept. Contact with rigid bodies depends on ratios of masses only.
 
 Source: E. Coumans, Bullet 2.83 Physics SDK Manual (units, mesh shapes, solver parameters).
 """
@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from fidelity.engine import Grain, Material, Physics, Setup, Wall
+from fidelity.engine import Grain, Material, Physics, Setup, Wall, WallMotion
+from fidelity.wall_motion import angle_at, shift_at
 from mfopt.arrays import Array, IntArray
 
 LENGTH_SCALE = 10.0  # Bullet length units per metre
@@ -38,17 +39,19 @@ class World:
 
     client: int
     grains: tuple[int, ...]
-    moving_walls: tuple[int, ...]
+    moving_walls: tuple[tuple[int, WallMotion], ...]
 
 
 def restitution(physics: Physics) -> float:
-    """Coefficient of restitution that matches YADE's numerical damping.
+    """Coefficient of restitution: the one given, or that which matches YADE's numerical damping.
 
     A linear spring whose force is (1 + d) F on the way in and (1 - d) F on the way out
     returns the speed times e = sqrt((1 - d) / (1 + d)).
 
     Source: V. Smilauer et al., YADE documentation, "Numerical damping" (Cundall).
     """
+    if physics.restitution is not None:
+        return physics.restitution
     return math.sqrt((1.0 - physics.damping) / (1.0 + physics.damping))
 
 
@@ -94,17 +97,16 @@ def build(p: Any, setup: Setup, *, timestep: float, iterations: int) -> World:
         contactERP=OVERLAP_CORRECTION,
     )
     p.setGravity(0.0, 0.0, -fall_acceleration(setup.physics) * LENGTH_SCALE)
-    of_grain, of_wall = friction_factors(setup.grain_material, setup.wall_material)
     bounce = math.sqrt(bullet_restitution(setup.physics))  # Bullet multiplies these too
-    walls = [_add_wall(p, wall, friction=of_wall, bounce=bounce) for wall in setup.walls]
-    moving = tuple(b for b, w in zip(walls, setup.walls, strict=True) if w.moves)
-    for body in moving:
-        _soften(p, body, setup.grain)
-    return World(
-        client=client,
-        grains=_add_grains(p, setup, friction=of_grain, bounce=bounce, timestep=timestep),
-        moving_walls=moving,
-    )
+    moving = []
+    for wall in setup.walls:
+        _, friction = friction_factors(setup.grain_material, wall.material)
+        body = _add_wall(p, wall, friction=friction, bounce=bounce)
+        if wall.motion is not None:
+            _soften(p, body, setup)
+            moving.append((body, wall.motion))
+    grains = _add_grains(p, setup, bounce=bounce, timestep=timestep)
+    return World(client, grains, tuple(moving))
 
 
 def _add_wall(p: Any, wall: Wall, *, friction: float, bounce: float) -> int:
@@ -115,67 +117,91 @@ def _add_wall(p: Any, wall: Wall, *, friction: float, bounce: float) -> int:
         flags=p.GEOM_FORCE_CONCAVE_TRIMESH,
     )
     # Only Bullet's multi-body, not its rigid body, hands a wall's velocity to the contacts.
-    body = p.createMultiBody(0.0, shape, useMaximalCoordinates=0 if wall.moves else 1)
+    body = p.createMultiBody(0.0, shape, useMaximalCoordinates=int(wall.motion is None))
     p.changeDynamics(body, -1, lateralFriction=friction, restitution=bounce)
     return int(body)
 
 
-def _soften(p: Any, body: int, grain: Grain) -> None:
+def _soften(p: Any, body: int, setup: Setup) -> None:
     # A grain's mass is 1, so this is its squared frequency on the wall [1/s2]; damped critically.
-    stiffness = MOVING_WALL_MODULUS * float(np.min(grain.radii)) / grain.mass
+    stiffness = MOVING_WALL_MODULUS * smallest_radius(setup) / setup.grain.mass
     damping = 2.0 * math.sqrt(stiffness)
     p.changeDynamics(body, -1, contactStiffness=stiffness, contactDamping=damping)
 
 
-def _add_grains(
-    p: Any, setup: Setup, *, friction: float, bounce: float, timestep: float
-) -> tuple[int, ...]:
-    shape = _grain_shape(p, setup.grain)
-    inertia = (setup.grain.inertia / setup.grain.mass * LENGTH_SCALE**2).tolist()
+def _add_grains(p: Any, setup: Setup, *, bounce: float, timestep: float) -> tuple[int, ...]:
+    friction, _ = friction_factors(setup.grain_material, setup.grain_material)
+    inertia = setup.grain.inertia / setup.grain.mass * LENGTH_SCALE**2
+    velocities, spins = start(setup)
     # Bullet's velocities belong to the middle of the step before (it moves by the new
-    # velocity): with this start at rest the positions of free fall are exact.
-    falling = 0.5 * timestep * fall_acceleration(setup.physics)
-    start = [setup.start_velocity * LENGTH_SCALE, 0.0, falling * LENGTH_SCALE]
+    # velocity): with this start the positions of free fall are exact.
+    velocities[:, 2] += 0.5 * timestep * fall_acceleration(setup.physics)
+    shapes: dict[float, int] = {}
     bodies = []
-    for position, (w, x, y, z) in zip(
-        setup.packing.positions * LENGTH_SCALE, setup.packing.orientations, strict=True
-    ):
+    for i, scale in enumerate(sizes(setup).tolist()):
+        if scale not in shapes:
+            shapes[scale] = _grain_shape(p, setup.grain, scale)
+        w, x, y, z = setup.packing.orientations[i].tolist()
+        place = (setup.packing.positions[i] * LENGTH_SCALE).tolist()
         body = p.createMultiBody(
-            1.0, shape, -1, position.tolist(), [x, y, z, w], useMaximalCoordinates=1
+            1.0, shapes[scale], -1, place, [x, y, z, w], useMaximalCoordinates=1
         )
         p.changeDynamics(
             body,
             -1,
-            mass=1.0,
-            localInertiaDiagonal=inertia,
+            mass=scale**3,
+            localInertiaDiagonal=(scale**5 * inertia).tolist(),
             lateralFriction=friction,
             restitution=bounce,
             linearDamping=0.0,  # Bullet's default of 0.04 slows free fall
             angularDamping=0.0,
             activationState=p.ACTIVATION_STATE_DISABLE_SLEEPING,
         )
-        p.resetBaseVelocity(body, start, [0.0, 0.0, 0.0])
+        p.resetBaseVelocity(body, (velocities[i] * LENGTH_SCALE).tolist(), spins[i].tolist())
         bodies.append(int(body))
     return tuple(bodies)
 
 
-def _grain_shape(p: Any, grain: Grain) -> int:
+def _grain_shape(p: Any, grain: Grain, scale: float) -> int:
     return int(
         p.createCollisionShapeArray(
             shapeTypes=[p.GEOM_SPHERE] * grain.radii.size,
-            radii=(grain.radii * LENGTH_SCALE).tolist(),
-            collisionFramePositions=(grain.offsets * LENGTH_SCALE).tolist(),
+            radii=(scale * grain.radii * LENGTH_SCALE).tolist(),
+            collisionFramePositions=(scale * grain.offsets * LENGTH_SCALE).tolist(),
         )
     )
 
 
-def place_walls(p: Any, world: World, displacement: float, velocity: float) -> None:
-    """Put the moving walls at `displacement` [m] along x, moving with `velocity` [m/s]."""
-    for body in world.moving_walls:
-        p.resetBasePositionAndOrientation(
-            body, [displacement * LENGTH_SCALE, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]
-        )
-        p.resetBaseVelocity(body, [velocity * LENGTH_SCALE, 0.0, 0.0], [0.0, 0.0, 0.0])
+def sizes(setup: Setup) -> Array:
+    """Scales (n,) of the grains."""
+    scales = setup.packing.scales
+    return np.ones(setup.packing.positions.shape[0]) if scales is None else scales
+
+
+def smallest_radius(setup: Setup) -> float:
+    """Radius [m] of the smallest sphere of all grains."""
+    return float(np.min(sizes(setup)) * np.min(setup.grain.radii))
+
+
+def start(setup: Setup) -> tuple[Array, Array]:
+    """Velocities (n, 3) [m/s] and angular velocities (n, 3) [rad/s] at time 0, copies."""
+    rest = np.zeros_like(setup.packing.positions)
+    given = (setup.velocities, setup.angular_velocities)
+    first, second = (np.array(rest if values is None else values) for values in given)
+    return first, second
+
+
+def place_walls(p: Any, world: World, time: float, dt: float) -> None:
+    """Put the moving walls where they are at `time` [s], moving to where they are `dt` later."""
+    origin = np.zeros((1, 3))  # of the body's frame; at time 0 it is that of space
+    for body, motion in world.moving_walls:
+        now, then = (shift_at(motion, origin, t)[0] for t in (time, time + dt))
+        angle, next_angle = angle_at(motion, time), angle_at(motion, time + dt)
+        axis = np.asarray(motion.axis)
+        turn = [*(math.sin(angle / 2.0) * axis).tolist(), math.cos(angle / 2.0)]
+        p.resetBasePositionAndOrientation(body, (now * LENGTH_SCALE).tolist(), turn)
+        velocity, spin = (then - now) / dt * LENGTH_SCALE, (next_angle - angle) / dt * axis
+        p.resetBaseVelocity(body, velocity.tolist(), spin.tolist())
 
 
 def read_poses(p: Any, bodies: list[int]) -> tuple[Array, Array]:

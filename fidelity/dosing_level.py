@@ -7,13 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from fidelity.dosing import MILLI, Design, design
-from fidelity.dosing_run import (
-    dosing_grain,
-    dosing_setup,
-    packing_order,
-    raw_results,
-    tally,
-)
+from fidelity.dosing_run import dosing_setup, packing_order, raw_results, tally
 from fidelity.engine import Engine, Movement, Setup
 from fidelity.packing import Settled, default_cache, settled_packing
 from fidelity.settings import DemSettings, DosingSettings
@@ -46,19 +40,13 @@ class DosingLevel:
 
     def work(self, x: Array) -> float:
         """Predict the work of a run: spheres times steps of a cycle; the same for every `x`."""
-        steps = MILLI * self.settings.cycle_ms / self.engine_timestep()
+        order = packing_order(self.settings, self.dem, seed=0)
+        timestep = self.engine.timestep(
+            order.grain, order.grain_material, order.wall_material, order.physics
+        )
+        steps = MILLI * self.settings.cycle_ms / timestep
         spheres = self.dem.grains * self.dem.spheres_per_grain
         return WORK_SHARE * spheres * steps * self.engine.cost_factor
-
-    def engine_timestep(self) -> float:
-        """Time step of the engine [s]: its own, or that of the stiffness of the contacts."""
-        own = getattr(self.engine, "timestep", None)
-        if own is not None:
-            return float(own)
-        material = self.settings.grain.material(self.dem.young_modulus_pa)
-        radius = float(dosing_grain(self.settings, self.dem).radii.min())
-        wave = np.sqrt(material.density / material.young_modulus)
-        return float(self.dem.timestep_factor * radius * wave)
 
     def evaluate(self, x: Array, *, seed: int) -> Outcome:
         """Run once at `x` (d,) [mm, -] from the packing of that seed."""

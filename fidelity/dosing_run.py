@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fidelity.dosing import MILLI, MOTION_STEP, Design, dosing_cup, plate
-from fidelity.engine import Grain, Movement, Packing, Physics, Setup, Wall, WallMotion
+from fidelity.engine import Grain, Material, Movement, Packing, Physics, Setup, Wall, WallMotion
 from fidelity.grain import portion_grain
 from fidelity.packing import Order, cup_mesh
 from fidelity.portion import depth_in_section, depth_inside
@@ -81,39 +81,41 @@ def dosing_setup(
     """What the engine is given: walls, the cup's motion, and the settled portion at the start."""
     times = np.linspace(0.0, machine.cycle, round(machine.cycle / MOTION_STEP) + 1)
     positions = machine.cup_position(times)
+    way = np.zeros((times.size, 3))
+    way[:, 0] = positions - positions[0]
+    speed = float(machine.cup_velocity(np.zeros(1))[0])
     start = np.array([positions[0], 0.0, 0.0])
     cup, error = cup_mesh(order), order.chordal_error
     hopper, table = passage(machine.loft, machine.tube_end_z, error), plate(machine, error)
+    material, motion = order.wall_material, WallMotion(frozen(times), frozen(way))
     return Setup(
         grain=order.grain,
         packing=Packing(frozen(packing.positions + start), packing.orientations),
         grain_material=order.grain_material,
-        wall_material=order.wall_material,
         walls=(
-            Wall("cup", cup.vertices + start, cup.triangles, moves=True),
-            Wall("plate", table.vertices, table.triangles),
-            Wall("hopper", hopper.vertices, hopper.triangles),
-            _housing(table, order.collar),
+            Wall("cup", cup.vertices + start, cup.triangles, material, motion),
+            Wall("plate", table.vertices, table.triangles, material),
+            Wall("hopper", hopper.vertices, hopper.triangles, material),
+            _housing(table, order.collar, material),
         ),
         physics=order.physics,
         duration=MILLI * settings.duration_ms,
         exit_z=machine.tube_end_z,
-        motion=WallMotion(frozen(times), frozen(positions - positions[0])),
-        start_velocity=float(machine.cup_velocity(np.zeros(1))[0]),
+        velocities=frozen(np.tile([speed, 0.0, 0.0], (len(packing.positions), 1))),
         idle_after=machine.cycle,
         idle_above_z=0.0,
         snapshot_times=frozen(np.linspace(EMPTYING_FIRST, 1.0, snapshots) * machine.cycle),
     )
 
 
-def _housing(table: Mesh, height: float) -> Wall:
+def _housing(table: Mesh, height: float, material: Material) -> Wall:
     """Side walls on the rim of the plate, and a roof at `height` [m]."""
     low, high = table.vertices.min(axis=0)[:2], table.vertices.max(axis=0)[:2]
     rim = [[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]]
     corners = np.array([[x, y, z] for z in (0.0, height) for x, y in rim])
     sides = [[i, (i + 1) % 4, 4 + (i + 1) % 4] for i in range(4)]
     sides += [[i, 4 + (i + 1) % 4, 4 + i] for i in range(4)]
-    return Wall("housing", corners, np.array([*sides, [4, 5, 6], [4, 6, 7]]))
+    return Wall("housing", corners, np.array([*sides, [4, 5, 6], [4, 6, 7]]), material)
 
 
 def tally(machine: Design, setup: Setup, movement: Movement) -> Tally:

@@ -6,12 +6,14 @@ a `Movement`; the scene turns that into an outcome. The same holds for filling t
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 
 from mfopt.arrays import Array, IntArray
 from mfopt.outcome import Status
+
+ContactLaw = Literal["linear", "hertz"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,10 +38,25 @@ class Grain:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Packing:
-    """Positions and orientations of the grains of one portion."""
+    """Positions, orientations and sizes of the grains of one portion."""
 
     positions: Array  # (n, 3) mass centres [m]
     orientations: Array  # (n, 4) unit quaternions w, x, y, z: grain frame to space
+    scales: Array | None = None  # (n,) size relative to `Setup.grain`; None: all are 1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WallMotion:
+    """Prescribed motion of a wall, sampled; linear in between, and the last values hold afterwards.
+
+    A point p of the wall is at pivot + R(axis, angle) (p - pivot) + displacement.
+    """
+
+    times: Array  # (m,) [s], increasing from 0
+    displacements: Array  # (m, 3) [m], 0 at time 0
+    angles: Array | None = None  # (m,) [rad], 0 at time 0; None: the wall does not turn
+    axis: tuple[float, float, float] = (0.0, 1.0, 0.0)  # unit vector
+    pivot: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [m]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,25 +66,38 @@ class Wall:
     name: str
     vertices: Array  # (v, 3) [m], at time 0
     triangles: IntArray  # (t, 3)
-    moves: bool = False  # whether it follows `Setup.motion`
+    material: Material
+    motion: WallMotion | None = None  # None: it stands still
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class WallMotion:
-    """Displacement of the moving walls along x, sampled; linear in between."""
+@dataclass(frozen=True, slots=True)
+class BodyForce:
+    """A uniform acceleration of the grains whose mass centre is in a box: an air jet, a magnet."""
 
-    times: Array  # (m,) [s], from 0
-    displacements: Array  # (m,) [m], 0 at time 0; the last value holds afterwards
+    lower: tuple[float, float, float]  # [m]
+    upper: tuple[float, float, float]  # [m]
+    acceleration: tuple[float, float, float]  # [m/s2]
 
 
 @dataclass(frozen=True, slots=True)
 class Physics:
-    """Contact and integration settings shared by all DEM engines."""
+    """Contact and integration settings; what is 0, None or empty is absent.
 
+    An engine that lacks one that is asked for refuses the setup with a `ConfigError`.
+    """
+
+    contact_law: ContactLaw = "linear"  # springs of Cundall and Strack, or Hertz and Mindlin
+    restitution: float | None = None  # [-] viscous contact damping that returns this
     damping: float = 0.2  # YADE's numerical (Cundall) damping
     damp_gravity: bool = False  # True: the damping also slows free fall, as in the paper
     gravity: float = 9.81  # [m/s2], along -z
-    timestep_factor: float = 0.6  # of r_min sqrt(density / E)
+    timestep_factor: float = 0.6  # of r_min sqrt(density / E), for engines that use it
+    rolling_friction: float = 0.0  # [-] largest rolling moment over normal force and radius
+    adhesion_energy: float = 0.0  # [J/m2] work of adhesion; pull-off 2 pi R times it
+    # Air, for a grain of scale 1; with the scale s the coefficients fall as 1/s2 and 1/s.
+    linear_drag: float = 0.0  # [1/s] deceleration per speed
+    quadratic_drag: float = 0.0  # [1/m] deceleration per squared speed
+    body_forces: tuple[BodyForce, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,13 +107,12 @@ class Setup:
     grain: Grain
     packing: Packing
     grain_material: Material
-    wall_material: Material
     walls: tuple[Wall, ...]
     physics: Physics
     duration: float  # [s] the run ends here at the latest
     exit_z: float  # [m] a grain whose mass centre falls below leaves; its time is kept
-    motion: WallMotion | None = None
-    start_velocity: float = 0.0  # [m/s] of all grains along x; one that comes with the cup
+    velocities: Array | None = None  # (n, 3) [m/s] at the start; None: at rest
+    angular_velocities: Array | None = None  # (n, 3) [rad/s] in space; None: none turns
     settle: bool = False  # end when the grains are at rest
     # End early after this time [s] once no grain is below `idle_above_z`, i.e. none can still pass.
     idle_after: float = float("inf")
@@ -101,6 +130,7 @@ class Movement:
     positions: Array  # (n, 3) [m] at the end; where it left, for a grain that left
     orientations: Array  # (n, 4)
     velocities: Array  # (n, 3) [m/s]
+    angular_velocities: Array  # (n, 3) [rad/s] in space
     end_time: float  # [s]
     steps: int
     sphere_steps: float  # spheres moved, summed over the steps
@@ -110,7 +140,10 @@ class Movement:
     cpu_s: float
     snapshots: Mapping[str, Array] = field(default_factory=dict)
     # "snapshot_times" (s,), "snapshot_positions" (s, n, 3), "snapshot_orientations" (s, n, 4),
-    # "snapshot_speeds" (s, n) [m/s]; nan for grains that have left
+    # "snapshot_speeds" (s, n) [m/s], nan for grains that have left; and from engines that keep
+    # them "snapshot_wall_forces" (s, w, 3) [N], what the grains exert on each wall
+    energy: Mapping[str, float] = field(default_factory=dict)
+    # [J] where the engine keeps a balance, see there
 
 
 class Engine(Protocol):
@@ -131,5 +164,14 @@ class Engine(Protocol):
             ConfigError: if it is not installed; the message says how to install it.
         """
 
+    def timestep(
+        self, grain: Grain, grain_material: Material, wall_material: Material, physics: Physics
+    ) -> float:
+        """Time step [s] that `move` takes, but for what it shortens on account of the walls."""
+
     def move(self, setup: Setup, *, time_limit_s: float) -> Movement:
-        """Move the grains. A run that crashes, explodes or hangs is returned as such."""
+        """Move the grains. A run that crashes, explodes or hangs is returned as such.
+
+        Raises:
+            ConfigError: if the setup asks for physics that the engine lacks.
+        """

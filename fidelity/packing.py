@@ -113,12 +113,12 @@ def _settle(engine: Engine, order: Order, time_limit_s: float) -> Settled:
     # The loose layers may stand higher than the collar: while they settle the walls reach as high.
     top = float(loose.positions[:, 2].max()) + 2 * float(order.grain.radii.max())
     tall = cup_wall(order.cup, order.chordal_error, height=max(order.collar, top))
+    wall = replace(order.wall_material, friction_angle=SETTLING_FRICTION)
     setup = Setup(
         grain=order.grain,
         packing=loose,
         grain_material=replace(order.grain_material, friction_angle=SETTLING_FRICTION),
-        wall_material=replace(order.wall_material, friction_angle=SETTLING_FRICTION),
-        walls=(Wall("cup", tall.vertices, tall.triangles), _floor(order.cup)),
+        walls=(Wall("cup", tall.vertices, tall.triangles, wall), _floor(order.cup, wall)),
         physics=replace(order.physics, damping=SETTLING_DAMPING),
         duration=LONGEST_SETTLING,
         exit_z=-FLOOR_MARGIN,
@@ -133,11 +133,11 @@ def _settle(engine: Engine, order: Order, time_limit_s: float) -> Settled:
     return Settled(packing, movement.cpu_s, movement.sphere_steps * engine.cost_factor)
 
 
-def _floor(cup: Cup) -> Wall:
+def _floor(cup: Cup, material: Material) -> Wall:
     x = cup.section.length / 2 + FLOOR_MARGIN
     y = cup.section.width / 2 + FLOOR_MARGIN
     corners = np.array([[-x, -y, 0.0], [x, -y, 0.0], [x, y, 0.0], [-x, y, 0.0]])
-    return Wall("floor", corners, np.array([[0, 1, 2], [0, 2, 3]]))
+    return Wall("floor", corners, np.array([[0, 1, 2], [0, 2, 3]]), material)
 
 
 def _flaw(order: Order, packing: Packing) -> str | None:

@@ -1,10 +1,10 @@
 """Moves the grains inside YADE: reads `setup.npz` and `.json`, writes `result.npz` and `.json`.
 
 Run as `yade -n -x -j1 yade_script.py DIRECTORY`, in YADE's own Python, so of this project it
-imports `fidelity.yade_world` alone; `fidelity.exchange` says what is in the files.
+may import only what needs no more than numpy; `fidelity.exchange` says what is in the files.
 
 Nothing here is called every step: the grains are looked at every `CHECK_S`, and the moving
-walls get the velocity that puts them where the motion law wants them at the next look.
+walls get the velocities that put them where their motions want them at the next look.
 """
 
 import json
@@ -21,14 +21,8 @@ from yade.minieigenHP import Vector3
 
 # YADE knows only where this file is.
 sys.path.append(str(Path(sys.argv[0]).resolve().parents[1]))
-from fidelity.yade_world import (
-    Grains,
-    Walls,
-    add_grains,
-    add_walls,
-    engines,
-    timestep,
-)
+from fidelity.wall_motion import angle_at, shift_at, top_speed
+from fidelity.yade_world import Grains, Wall, add_grains, add_walls, engines
 
 # Time between two looks at the grains [s]. A grain's exit is interpolated between two looks;
 # at 1 m/s and more a change of speed by 0.5 m/s in between costs less than 0.1 ms.
@@ -67,6 +61,7 @@ class Snapshots:
     positions: list[Any] = field(default_factory=list)
     orientations: list[Any] = field(default_factory=list)
     speeds: list[Any] = field(default_factory=list)
+    wall_forces: list[Any] = field(default_factory=list)
 
 
 def main(directory: Path) -> None:
@@ -76,13 +71,13 @@ def main(directory: Path) -> None:
         given.update({name: stored[name] for name in stored.files})
     walls = add_walls(given)
     grains = add_grains(given)
-    O.dt = timestep(given)
-    O.engines = engines(given)
+    O.dt = given["engine"]["timestep"]
+    O.engines = engines(given, walls)
     write_result(directory, *move(given, grains, walls))
 
 
 def move(
-    given: dict[str, Any], grains: Grains, walls: Walls
+    given: dict[str, Any], grains: Grains, walls: list[Wall]
 ) -> tuple[Grains, Health, Snapshots, float]:
     """Step until the end; also gives the number of spheres moved, summed over the steps."""
     health = Health()
@@ -93,7 +88,7 @@ def move(
     sphere_steps, check = 0.0, 0
     while steps_left > 0 and grains.numbers and health.why is None:
         steps = min(per_check, steps_left)
-        drive(given, walls, steps * O.dt)
+        drive(walls, steps * O.dt)
         for _ in range(steps):
             O.step()
         steps_left -= steps
@@ -102,22 +97,26 @@ def move(
         check += 1
         if check % CHECKS_PER_HEALTH == 0 or steps_left == 0:
             examine(given, grains, walls, health)
-        take_snapshots(snapshots, grains)
+        take_snapshots(snapshots, grains, walls)
         if ends_early(given, grains, health):
             break
     record(grains)
     return grains, health, snapshots, sphere_steps
 
 
-def drive(given: dict[str, Any], walls: Walls, interval: float) -> None:
-    """Set the velocity that takes the moving walls to where they belong after `interval` [s]."""
-    times, displacements = given["motion_times"], given["motion_displacements"]
-    if not (walls.moving and len(times)):
-        return
+def drive(walls: list[Wall], interval: float) -> None:
+    """Set the velocities that take the moving walls to where they belong after `interval` [s]."""
     now = float(O.time)
-    goal = float(np.interp(now + interval, times, displacements))
-    for state in walls.moving:
-        state.vel = Vector3((goal - float(state.displ()[0])) / interval, 0.0, 0.0)
+    for wall in walls:
+        motion = wall.motion
+        if motion is None:
+            continue
+        turn = angle_at(motion, now + interval) - angle_at(motion, now)
+        spin = Vector3(*motion.axis) * (turn / interval)
+        goals = shift_at(motion, wall.middles, now + interval)
+        for facet, goal in zip(wall.facets, goals.tolist(), strict=True):
+            facet.state.vel = (Vector3(*goal) - facet.state.displ()) / interval
+            facet.state.angVel = spin
 
 
 def let_out(given: dict[str, Any], grains: Grains, interval: float) -> None:
@@ -139,13 +138,13 @@ def let_out(given: dict[str, Any], grains: Grains, interval: float) -> None:
     grains.numbers = staying
 
 
-def examine(given: dict[str, Any], grains: Grains, walls: Walls, health: Health) -> None:
+def examine(given: dict[str, Any], grains: Grains, walls: list[Wall], health: Health) -> None:
     """Look at energy and overlap; note what is broken."""
     energy = float(utils.kineticEnergy())
-    overlap = largest_overlap(given, walls)
+    overlap = largest_overlap(grains, walls)
     health.max_kinetic_energy = max(health.max_kinetic_energy, energy)
     health.max_overlap = max(health.max_overlap, overlap)
-    limit = ENERGY_MARGIN * available_energy(given, grains)
+    limit = ENERGY_MARGIN * available_energy(given, grains, walls)
     if not math.isfinite(energy) or not np.isfinite(grains.z).all():
         health.why = "a position or velocity is not a number"
     elif energy > limit:
@@ -158,49 +157,48 @@ def examine(given: dict[str, Any], grains: Grains, walls: Walls, health: Health)
             f"overlap {overlap:.2f} of the smallest radius at {float(O.time):.4g} s is above "
             f"{MAX_OVERLAP:g}; use stiffer grains or a shorter time step"
         )
-    quiet = energy < SETTLED_ENERGY * len(grains.numbers) * lift_energy(given)
+    quiet = energy < SETTLED_ENERGY * lift_energy(given, grains)
     if not quiet or float(utils.unbalancedForce()) > SETTLED_IMBALANCE:
         health.quiet_since = None
     elif health.quiet_since is None:
         health.quiet_since = float(O.time)
 
 
-def largest_overlap(given: dict[str, Any], walls: Walls) -> float:
-    """Largest overlap now, in units of the smallest radius.
+def largest_overlap(grains: Grains, walls: list[Wall]) -> float:
+    """Largest overlap now, in units of the smallest radius; of a pair, of the mean of its radii.
 
-    YADE looks at pairs of spheres only, and relates the overlap to the mean of their radii.
+    YADE looks at pairs of spheres only, and relates the overlap to that mean.
     """
     depths = [
         float(contact.geom.penetrationDepth)
-        for facet in walls.facets
+        for wall in walls
+        for facet in wall.facets
         for contact in facet.intrs()
         if contact.isReal
     ]
-    in_walls = max(depths, default=0.0) / float(given["grain_radii"].min())
+    in_walls = max(depths, default=0.0) / grains.r_min
     return max(float(utils.maxOverlapRatio()), in_walls)
 
 
-def lift_energy(given: dict[str, Any]) -> float:
-    """Energy that lifts a grain by its smallest radius [J]."""
-    weight = given["grain_mass"] * given["physics"]["gravity"]
-    return float(weight * given["grain_radii"].min())
+def lift_energy(given: dict[str, Any], grains: Grains) -> float:
+    """Energy that lifts the grains still there by the smallest radius [J]."""
+    mass = float(grains.masses[grains.numbers].sum())
+    return float(mass * given["physics"]["gravity"] * grains.r_min)
 
 
-def available_energy(given: dict[str, Any], grains: Grains) -> float:
+def available_energy(given: dict[str, Any], grains: Grains, walls: list[Wall]) -> float:
     """Energy that the grains still there can have [J].
 
-    What their fall released; twice the fastest velocity of walls or start, from a bounce; and the
-    overlaps of the start, taken as a lift by one radius.
+    What their fall released; twice the fastest velocity of walls or start, from a bounce; the
+    turning that they came with; and the overlaps of the start, taken as a lift by one radius.
     """
     here = grains.numbers
-    mass, gravity = given["grain_mass"], given["physics"]["gravity"]
-    fallen = float((grains.start_z[here] - grains.z[here]).sum())
-    times, displacements = given["motion_times"], given["motion_displacements"]
-    speeds = np.abs(np.diff(displacements) / np.diff(times))
-    fastest = float(speeds.max(initial=abs(given["start_velocity"])))
-    bounce = 0.5 * mass * (2.0 * fastest) ** 2 * len(here)
-    start = bounce + lift_energy(given) * len(here)
-    return float(start + max(0.0, mass * gravity * fallen))
+    masses, gravity = grains.masses[here], given["physics"]["gravity"]
+    fallen = float((masses * (grains.start_z[here] - grains.z[here])).sum())
+    fastest = max([grains.start_speed, *(top_speed(w.motion, w.vertices) for w in walls)])
+    bounce = 0.5 * float(masses.sum()) * (2.0 * fastest) ** 2
+    start = bounce + float(grains.start_spin[here].sum()) + lift_energy(given, grains)
+    return float(start + max(0.0, gravity * fallen))
 
 
 def ends_early(given: dict[str, Any], grains: Grains, health: Health) -> bool:
@@ -219,6 +217,7 @@ def record_one(grains: Grains, i: int) -> None:
     turn = state.ori * grains.frames[i]
     grains.positions[i] = [float(v) for v in state.pos]
     grains.velocities[i] = [float(v) for v in state.vel]
+    grains.angular_velocities[i] = [float(v) for v in state.angVel]
     x, y, z, w = (float(turn[k]) for k in range(4))
     grains.orientations[i] = w, x, y, z
 
@@ -229,7 +228,7 @@ def record(grains: Grains) -> None:
         record_one(grains, i)
 
 
-def take_snapshots(snapshots: Snapshots, grains: Grains) -> None:
+def take_snapshots(snapshots: Snapshots, grains: Grains, walls: list[Wall]) -> None:
     """Take the snapshots that are due: at the first check after their time."""
     while snapshots.due and float(O.time) >= snapshots.due[0]:
         snapshots.due.pop(0)
@@ -238,6 +237,7 @@ def take_snapshots(snapshots: Snapshots, grains: Grains) -> None:
         gone[grains.numbers] = False
         speeds = np.linalg.norm(grains.velocities, axis=1)
         snapshots.times.append(float(O.time))
+        snapshots.wall_forces.append(forces_on(walls))
         for kept, values in (
             (snapshots.positions, grains.positions),
             (snapshots.orientations, grains.orientations),
@@ -246,6 +246,15 @@ def take_snapshots(snapshots: Snapshots, grains: Grains) -> None:
             copy = values.copy()
             copy[gone] = np.nan
             kept.append(copy)
+
+
+def forces_on(walls: list[Wall]) -> Any:
+    """What the grains exert on each wall (w, 3) [N]."""
+    forces = np.zeros((len(walls), 3))
+    for i, wall in enumerate(walls):
+        for facet in wall.facets:
+            forces[i] += [float(part) for part in O.forces.f(facet.id)]
+    return forces
 
 
 def write_result(
@@ -257,12 +266,14 @@ def write_result(
         "positions": grains.positions,
         "orientations": grains.orientations,
         "velocities": grains.velocities,
+        "angular_velocities": grains.angular_velocities,
     }
     if snapshots.times:
         arrays["snapshot_times"] = np.array(snapshots.times)
         arrays["snapshot_positions"] = np.array(snapshots.positions)
         arrays["snapshot_orientations"] = np.array(snapshots.orientations)
         arrays["snapshot_speeds"] = np.array(snapshots.speeds)
+        arrays["snapshot_wall_forces"] = np.array(snapshots.wall_forces)
     np.savez(directory / "result.npz", **arrays)
     scalars = {
         "status": "finished" if health.why is None else "crashed",

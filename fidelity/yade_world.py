@@ -1,10 +1,11 @@
 """The scene of a run inside YADE: walls as facets, grains as clumps, and what a step does.
 
-Part of `fidelity.yade_script`, so without other imports of this project. Contacts are linear
-with Coulomb friction (Cundall & Strack 1979, doi:10.1680/geot.1979.29.1.47).
+Part of `fidelity.yade_script`, which says what it may import.
+Contacts are linear with Coulomb friction (Cundall & Strack 1979, doi:10.1680/geot.1979.29.1.47),
+or Hertz's with Mindlin's friction and viscous damping that returns a given restitution
+(Thornton et al. 2013, doi:10.1016/j.powtec.2012.08.012).
 """
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,10 +22,15 @@ from yade.wrapper import (
     InsertionSortCollider,
     InteractionLoop,
     Ip2_FrictMat_FrictMat_FrictPhys,
+    Ip2_FrictMat_FrictMat_MindlinPhys,
     Law2_ScGeom_FrictPhys_CundallStrack,
+    Law2_ScGeom_MindlinPhys_Mindlin,
     NewtonIntegrator,
     VTKRecorder,
 )
+
+from fidelity.engine import WallMotion
+from fidelity.exchange import read_motion
 
 GRAINS, WALLS = 1, 2  # collision groups: walls are in both, and not checked against each other
 WHITE = (1.0, 1.0, 1.0)  # without a colour, YADE draws one and reseeds Python's generator
@@ -34,11 +40,13 @@ VERLET = 0.2
 
 
 @dataclass
-class Walls:
-    """The triangles of the walls."""
+class Wall:
+    """A wall and its triangles."""
 
     facets: list[Any]  # YADE's bodies
-    moving: list[Any]  # the states of those that move
+    middles: Any  # (t, 3) [m] of the facets at time 0, where YADE has their positions
+    vertices: Any  # (v, 3) [m] at time 0
+    motion: WallMotion | None
 
 
 @dataclass
@@ -49,23 +57,18 @@ class Grains:
     states: list[Any]  # of all grains: YADE's State
     ids: list[int]  # of all grains: YADE's body number of the clump
     frames: list[Any]  # of all grains: rotation from the grain's frame to YADE's clump frame
+    masses: Any  # (n,) [kg]
+    r_min: float  # [m] smallest radius
     z: Any  # (n,) [m] at the last check
     start_z: Any  # (n,) [m]
+    start_speed: float  # [m/s] of the fastest
+    start_spin: Any  # (n,) [J] energy of the turning at the start
     exit_times: Any  # (n,) [s]
-    positions: Any  # (n, 3), (n, 4), (n, 3): filled when a grain leaves, and at the end
-    orientations: Any
-    velocities: Any
-
-
-def timestep(given: dict[str, Any]) -> float:
-    """Time step [s]: a part of r_min sqrt(density / E).
-
-    Measured with grains of 5 spheres: in a box as soft as they are, 3 is stable and 4 is not;
-    with steel walls, and a grain between a rim and an edge, 1.2 was and 1.8 was not always.
-    """
-    material = given["grain_material"]
-    wave = math.sqrt(material["density"] / material["young_modulus"])
-    return float(given["physics"]["timestep_factor"] * given["grain_radii"].min() * wave)
+    # Filled when a grain leaves, and at the end:
+    positions: Any  # (n, 3)
+    orientations: Any  # (n, 4)
+    velocities: Any  # (n, 3)
+    angular_velocities: Any  # (n, 3)
 
 
 def add_material(material: dict[str, float]) -> int:
@@ -82,65 +85,125 @@ def add_material(material: dict[str, float]) -> int:
     )
 
 
-def add_walls(given: dict[str, Any]) -> Walls:
-    """Add all triangles."""
-    material = add_material(given["wall_material"])
-    walls = Walls([], [])
+def add_walls(given: dict[str, Any]) -> list[Wall]:
+    """Add all triangles; walls of equal material share it."""
+    materials: list[tuple[dict[str, float], int]] = []
+    walls = []
     for i, wall in enumerate(given["walls"]):
-        vertices = given[f"wall_vertices_{i}"].tolist()
-        for triangle in given[f"wall_triangles_{i}"].astype(int).tolist():
-            corners = [Vector3(*vertices[k]) for k in triangle]
-            facet = utils.facet(corners, material=material, color=WHITE, mask=GRAINS | WALLS)
+        number = next((n for known, n in materials if known == wall["material"]), None)
+        if number is None:
+            number = add_material(wall["material"])
+            materials.append((wall["material"], number))
+        vertices = given[f"wall_vertices_{i}"]
+        facets = []
+        for triangle in given[f"wall_triangles_{i}"].tolist():
+            corners = [Vector3(*vertices[k].tolist()) for k in triangle]
+            facet = utils.facet(corners, material=number, color=WHITE, mask=GRAINS | WALLS)
             O.bodies.append(facet)
-            walls.facets.append(facet)
-            if wall["moves"]:
-                walls.moving.append(facet.state)
+            facets.append(facet)
+        middles = np.array([[float(v) for v in facet.state.pos] for facet in facets])
+        walls.append(Wall(facets, middles, vertices, read_motion(i, wall, given)))
     return walls
 
 
 def add_grains(given: dict[str, Any]) -> Grains:
-    """Add the grains as clumps with the mass and the inertia that the grain has."""
+    """Add the grains as clumps, at rest, with the mass and the inertia that each grain has."""
     material = add_material(given["grain_material"])
-    radii = given["grain_radii"].tolist()
     positions, orientations = given["positions"], given["orientations"]
+    n = len(positions)
+    scales = given.get("scales", np.ones(n))
     ids, states, frames = [], [], []
-    for position, (w, x, y, z) in zip(positions.tolist(), orientations.tolist(), strict=True):
+    for i in range(n):
+        w, x, y, z = orientations[i].tolist()
         turn = Quaternion(w, x, y, z)
         turn.normalize()
-        members = [
-            utils.sphere(
-                Vector3(*position) + turn * Vector3(*offset),
-                radius,
-                material=material,
-                color=WHITE,
-                mask=GRAINS,
-            )
-            for offset, radius in zip(given["grain_offsets"].tolist(), radii, strict=True)
-        ]
-        number, _ = O.bodies.appendClumped(members, discretization=0)
-        clump = O.bodies[number]
-        clump.aspherical = True
-        frame = clump.state.ori.conjugate() * turn
-        clump.state.vel = Vector3(given["start_velocity"], 0.0, 0.0)
-        clump.state.mass = given["grain_mass"]
-        clump.state.inertia = clump_inertia(frame, given["grain_inertia"])
+        number = add_clump(given, positions[i].tolist(), turn, float(scales[i]), material)
+        state = O.bodies[number].state
         ids.append(number)
-        states.append(clump.state)
-        frames.append(frame)
-    n = len(ids)
+        states.append(state)
+        frames.append(state.ori.conjugate() * turn)
     nowhere = np.full((n, 4), np.nan)
-    return Grains(
+    grains = Grains(
         list(range(n)),
         states,
         ids,
         frames,
+        masses=given["grain_mass"] * scales**3,
+        r_min=float(scales.min() * given["grain_radii"].min()),
         z=positions[:, 2].copy(),
         start_z=positions[:, 2].copy(),
+        start_speed=0.0,
+        start_spin=np.zeros(n),
         exit_times=nowhere[:, 0].copy(),
         positions=nowhere[:, :3].copy(),
         orientations=nowhere.copy(),
         velocities=nowhere[:, :3].copy(),
+        angular_velocities=nowhere[:, :3].copy(),
     )
+    start(given, grains)
+    return grains
+
+
+def add_clump(
+    given: dict[str, Any], position: list[float], turn: Any, scale: float, material: int
+) -> int:
+    """Add one grain of that scale; its body number."""
+    members = [
+        utils.sphere(
+            Vector3(*position) + turn * Vector3(*(scale * offset).tolist()),
+            scale * radius,
+            material=material,
+            color=WHITE,
+            mask=GRAINS,
+        )
+        for offset, radius in zip(
+            given["grain_offsets"], given["grain_radii"].tolist(), strict=True
+        )
+    ]
+    number, member_numbers = O.bodies.appendClumped(members, discretization=0)
+    clump = O.bodies[number]
+    clump.aspherical = True
+    frame = clump.state.ori.conjugate() * turn
+    clump.state.mass = scale**3 * given["grain_mass"]
+    clump.state.inertia = clump_inertia(frame, scale**5 * given["grain_inertia"])
+    for member, mass in zip(member_numbers, felt_masses(given), strict=True):
+        O.bodies[member].state.mass = scale**3 * mass
+    return int(number)
+
+
+def felt_masses(given: dict[str, Any]) -> list[float]:
+    """Mass (k,) [kg] that resists a push on each sphere of the grain, across the sphere's arm.
+
+        1 / m_felt = 1 / m + max over unit n of (a x n) I^-1 (a x n),   a the sphere's offset
+
+    YADE damps a contact by the masses of its two spheres, and uses these for nothing else: with
+    it, one contact of a grain returns the restitution, except for a push along the arm, which
+    feels the whole mass and returns more.
+    """
+    felt = []
+    for x, y, z in given["grain_offsets"]:
+        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        turning = np.linalg.eigvalsh(cross.T @ np.diag(1.0 / given["grain_inertia"]) @ cross)
+        felt.append(1.0 / (1.0 / given["grain_mass"] + float(turning.max())))
+    return felt
+
+
+def start(given: dict[str, Any], grains: Grains) -> None:
+    """Give the grains their first velocities and angular velocities."""
+    if "velocities" in given:
+        grains.start_speed = float(np.linalg.norm(given["velocities"], axis=1).max())
+        for state, velocity in zip(grains.states, given["velocities"].tolist(), strict=True):
+            state.vel = Vector3(*velocity)
+    if "angular_velocities" not in given:
+        return
+    for i, spin in enumerate(given["angular_velocities"].tolist()):
+        state = grains.states[i]
+        state.angVel = Vector3(*spin)
+        # YADE steps the angular momentum [kg m2/s], in space, and makes the velocity from it.
+        turn = state.ori.toRotationMatrix()
+        own = turn.transpose() * state.angVel
+        state.angMom = turn * Vector3(*(state.inertia[k] * own[k] for k in range(3)))
+        grains.start_spin[i] = 0.5 * float(state.angVel.dot(state.angMom))
 
 
 def clump_inertia(frame: Any, inertia: Any) -> Any:
@@ -157,20 +220,21 @@ def clump_inertia(frame: Any, inertia: Any) -> Any:
     return Vector3(*np.diag(tensor).tolist())
 
 
-def engines(given: dict[str, Any]) -> list[Any]:
+def engines(given: dict[str, Any], walls: list[Wall]) -> list[Any]:
     """What YADE does in a step."""
     physics = given["physics"]
+    turns = any(wall.motion is not None and wall.motion.angles is not None for wall in walls)
     made = [
         ForceResetter(),
         InsertionSortCollider(
             [Bo1_Sphere_Aabb(), Bo1_Facet_Aabb()],
-            verletDist=-VERLET,
+            # A turn about its own middle moves a facet out of its bounding box unnoticed: with a
+            # reach of 0 the boxes are made anew in every step.
+            verletDist=0.0 if turns else -VERLET,
             avoidSelfInteractionMask=WALLS,
         ),
         InteractionLoop(
-            [Ig2_Sphere_Sphere_ScGeom(), Ig2_Facet_Sphere_ScGeom()],
-            [Ip2_FrictMat_FrictMat_FrictPhys()],
-            [Law2_ScGeom_FrictPhys_CundallStrack()],
+            [Ig2_Sphere_Sphere_ScGeom(), Ig2_Facet_Sphere_ScGeom()], *contact_law(physics)
         ),
         NewtonIntegrator(
             damping=physics["damping"],
@@ -185,3 +249,13 @@ def engines(given: dict[str, Any]) -> list[Any]:
         recorders = ["spheres", "facets", "velocity"]
         made.append(VTKRecorder(fileName=trace, recorders=recorders, iterPeriod=period))
     return made
+
+
+def contact_law(physics: dict[str, Any]) -> tuple[list[Any], list[Any]]:
+    """What makes a contact's stiffness, and what its force."""
+    if physics["contact_law"] == "hertz":
+        return (
+            [Ip2_FrictMat_FrictMat_MindlinPhys(en=physics["restitution"])],
+            [Law2_ScGeom_MindlinPhys_Mindlin()],
+        )
+    return [Ip2_FrictMat_FrictMat_FrictPhys()], [Law2_ScGeom_FrictPhys_CundallStrack()]

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from fidelity.bullet import BulletEngine
-from fidelity.bullet_script import available_energy, safe_timestep, wall_speed
+from fidelity.bullet_script import available_energy, safe_timestep
 from fidelity.bullet_world import friction_factors, restitution
 from fidelity.engine import Material, Packing, Physics, Setup, Wall, WallMotion
 from fidelity.grain import line_grain
+from mfopt.arrays import Array
 from mfopt.errors import ConfigError
 
 R = 5e-3  # [m]
@@ -22,7 +23,11 @@ NO_TURN = np.array([[1.0, 0.0, 0.0, 0.0]])
 
 def plate(half: float = 0.5) -> Wall:
     corners = half * np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
-    return Wall("plate", corners, np.array([[0, 1, 2], [0, 2, 3]]))
+    return Wall("plate", corners, np.array([[0, 1, 2], [0, 2, 3]]), ROUGH)
+
+
+def along_x(*distances: float) -> Array:
+    return np.outer(distances, [1.0, 0.0, 0.0])
 
 
 def single(*, z: float, spheres: int = 1) -> Setup:
@@ -32,7 +37,6 @@ def single(*, z: float, spheres: int = 1) -> Setup:
         grain=line_grain(length, 2 * R, spheres, 1400.0),
         packing=Packing(np.array([[0.0, 0.0, z]]), NO_TURN),
         grain_material=ROUGH,
-        wall_material=ROUGH,
         walls=(plate(),),
         physics=Physics(damping=0.2),
         duration=0.5,
@@ -50,8 +54,10 @@ def test_pairs_have_the_tangent_of_the_smaller_friction_angle() -> None:
     assert friction_factors(SMOOTH, ROUGH) == (0.0, 0.0)
 
 
-@pytest.mark.parametrize("damping", [0.2, 0.6])
-def test_bounces_return_what_the_damping_leaves_on_average(damping: float) -> None:
+@pytest.mark.parametrize(
+    "physics", [Physics(damping=0.2), Physics(damping=0.6), Physics(restitution=0.4)]
+)
+def test_bounces_return_what_restitution_or_damping_leave_on_average(physics: Physics) -> None:
     # Spheres far apart from slightly different heights: each meets the plate at another moment
     # of a step.
     drops = 0.2 + 1e-4 * np.arange(40)
@@ -60,7 +66,7 @@ def test_bounces_return_what_the_damping_leaves_on_average(damping: float) -> No
     setup = replace(
         single(z=0.0),
         packing=Packing(positions, np.repeat(NO_TURN, 40, axis=0)),
-        physics=Physics(damping=damping),
+        physics=physics,
         duration=time,
     )
     movement = BulletEngine().move(setup, time_limit_s=60)
@@ -70,13 +76,15 @@ def test_bounces_return_what_the_damping_leaves_on_average(damping: float) -> No
     assert returned.max() < 1.0
 
 
-def test_without_damping_nothing_is_lost_in_a_bounce() -> None:
+def test_a_given_restitution_is_used_instead_of_the_damping() -> None:
     assert restitution(Physics(damping=0.0)) == 1.0
+    assert restitution(Physics(damping=0.6)) == pytest.approx(0.5)
+    assert restitution(Physics(damping=0.6, restitution=0.7)) == 0.7
 
 
 def test_a_shorter_step_changes_free_fall_by_nothing() -> None:
     times = [
-        BulletEngine(timestep=dt)
+        BulletEngine(timestep_s=dt)
         .move(replace(single(z=0.5), walls=(), exit_z=0.0), time_limit_s=60)
         .exit_times[0]
         for dt in (1e-3, 2.5e-4)
@@ -94,9 +102,13 @@ def test_the_step_is_shortened_for_fast_falls_small_grains_and_fast_walls() -> N
     # Below the lowest wall nothing can be passed through; without walls there is no limit.
     assert safe_timestep(replace(setup, exit_z=-9.0), 1.0) == dt
     assert safe_timestep(replace(setup, walls=()), 1.0) == 1.0
-    fast = WallMotion(np.array([0.0, 0.1, 0.2]), np.array([0.0, 1.0, 0.9]))
-    assert wall_speed(fast) == pytest.approx(10.0)
-    assert safe_timestep(replace(setup, motion=fast), 1.0) == pytest.approx(0.5 * R / 10.0)
+    fast = WallMotion(np.array([0.0, 0.1, 0.2]), along_x(0.0, 1.0, 0.9))
+    moving = replace(setup, walls=(replace(plate(), motion=fast),))
+    assert safe_timestep(moving, 1.0) == pytest.approx(0.5 * R / 10.0)
+    thrown = replace(setup, velocities=np.array([[3.0, 4.0, 12.0]]))
+    assert safe_timestep(thrown, 1.0) == pytest.approx(0.5 * R / 13.0)
+    small = replace(setup, packing=replace(setup.packing, scales=np.array([0.5])))
+    assert safe_timestep(small, 1.0) == pytest.approx(dt / 2)
 
 
 def test_available_energy_grows_by_the_height_lost() -> None:
@@ -104,6 +116,20 @@ def test_available_energy_grows_by_the_height_lost() -> None:
     lower = setup.packing.positions - np.array([0.0, 0.0, 0.2])
     gained = available_energy(setup, lower) - available_energy(setup, setup.packing.positions)
     assert gained == pytest.approx(setup.grain.mass * G * 0.2)
+
+
+def test_available_energy_grows_by_what_the_start_brings() -> None:
+    setup = single(z=0.3, spheres=5)
+    where = setup.packing.positions
+    still = available_energy(setup, where)
+    spinning = replace(setup, angular_velocities=np.array([[0.0, 20.0, 0.0]]))
+    turn = 0.5 * setup.grain.inertia[1] * 20.0**2
+    assert available_energy(spinning, where) - still == pytest.approx(turn)
+    flying = replace(setup, velocities=np.array([[0.0, 3.0, 0.0]]))
+    assert available_energy(flying, where) - still == pytest.approx(2 * setup.grain.mass * 3.0**2)
+    # Twice as large, a grain has 8 times the mass and reaches twice as high.
+    double = replace(setup, packing=replace(setup.packing, scales=np.array([2.0])))
+    assert available_energy(double, where) == pytest.approx(16 * still)
 
 
 def test_a_grain_stays_on_a_thin_plate_whatever_its_speed() -> None:
@@ -122,12 +148,14 @@ def test_a_pinched_grain_goes_past_the_moving_rim_and_not_through_the_fixed_edge
             name,
             np.array([[x, -y, -deep], [x, y, -deep], [x, y, 0.0], [x, -y, 0.0]]),
             np.array([[0, 1, 2], [0, 2, 3]]),
+            ROUGH,
         )
         for name, x in (("near", -0.02), ("far", 1.2 * R))
     ]
     floor = replace(plate(), vertices=plate().vertices - np.array([0.0, 0.0, deep]))
     rim = np.array([[-0.1, -y, 0.0], [-0.1, y, 0.0], [-0.1, y, 0.1], [-0.1, -y, 0.1]])
-    pusher = Wall("cup", rim, np.array([[0, 1, 2], [0, 2, 3]]), moves=True)
+    push = WallMotion(np.array([0.0, 0.3]), along_x(0.0, 0.3))
+    pusher = Wall("cup", rim, np.array([[0, 1, 2], [0, 2, 3]]), ROUGH, push)
     upright = np.array([[math.sqrt(0.5), 0.0, math.sqrt(0.5), 0.0]])
     grain = line_grain(20 * R, 2 * R, 13, 1400.0)
     setup = replace(
@@ -135,7 +163,6 @@ def test_a_pinched_grain_goes_past_the_moving_rim_and_not_through_the_fixed_edge
         grain=grain,
         packing=Packing(np.array([[0.0, 0.0, -deep + 10.05 * R]]), upright),
         walls=(floor, *slit, pusher),
-        motion=WallMotion(np.array([0.0, 0.3]), np.array([0.0, 0.3])),
         duration=0.4,
     )
     movement = BulletEngine().move(setup, time_limit_s=60)
@@ -146,7 +173,7 @@ def test_a_pinched_grain_goes_past_the_moving_rim_and_not_through_the_fixed_edge
 
 
 def test_bad_settings_are_refused() -> None:
-    with pytest.raises(ConfigError, match="timestep"):
-        BulletEngine(timestep=0.0)
+    with pytest.raises(ConfigError, match="timestep_s"):
+        BulletEngine(timestep_s=0.0)
     with pytest.raises(ConfigError, match="iterations"):
         BulletEngine(iterations=0)

@@ -33,6 +33,7 @@ def movement_to(positions: list[list[float]], exit_times: list[float]) -> Moveme
         positions=np.array(positions),
         orientations=np.tile([1.0, 0, 0, 0], (n, 1)),
         velocities=np.zeros((n, 3)),
+        angular_velocities=np.zeros((n, 3)),
         end_time=0.8,
         steps=1,
         sphere_steps=1.0,
@@ -78,17 +79,23 @@ def test_grains_start_in_the_cup_half_a_stroke_before_the_hole() -> None:
     packed = loose().positions
     assert start.packing.positions - packed == pytest.approx(np.tile([-0.2, 0, 0], (20, 1)))
     cup = next(wall for wall in start.walls if wall.name == "cup")
-    assert cup.moves
-    assert [wall.name for wall in start.walls if wall.moves] == ["cup"]
+    assert [wall.name for wall in start.walls if wall.motion is not None] == ["cup"]
+    assert {wall.material for wall in start.walls} == {SETTINGS.wall.material()}
     assert np.ptp(cup.vertices[:, 0]) == pytest.approx(0.13, rel=1e-9)
     assert cup.vertices[:, 2].max() == pytest.approx(COLLAR * MACHINE.cup.height)
 
 
-def test_cup_ends_a_stroke_further() -> None:
-    motion = setup().motion
+def test_cup_ends_a_stroke_further_and_grains_start_with_its_speed() -> None:
+    start = setup()
+    motion = next(wall.motion for wall in start.walls if wall.name == "cup")
     assert motion is not None
-    assert motion.displacements[[0, -1]] == pytest.approx([0.0, 0.4], abs=1e-12)
+    assert motion.angles is None
+    assert motion.displacements[0] == pytest.approx([0.0, 0.0, 0.0])
+    assert motion.displacements[-1] == pytest.approx([0.4, 0.0, 0.0])
     assert motion.times[[0, -1]] == pytest.approx([0.0, 0.6])
+    assert start.velocities is not None
+    first = np.diff(motion.displacements[:2], axis=0)[0] / motion.times[1]
+    assert start.velocities == pytest.approx(np.tile(first, (20, 1)), rel=1e-3)
 
 
 def test_run_ends_at_the_tube_and_snapshots_lie_within_the_cycle() -> None:

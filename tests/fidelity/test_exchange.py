@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fidelity.engine import Material, Packing, Physics, Setup, Wall, WallMotion
+from fidelity.engine import BodyForce, Material, Packing, Physics, Setup, Wall, WallMotion
 from fidelity.exchange import (
     failed_movement,
     read_movement,
@@ -21,22 +21,39 @@ from fidelity.grain import line_grain
 RNG = np.random.default_rng(3)
 
 
-def a_setup(*, moving: bool) -> Setup:
-    corners = RNG.normal(size=(4, 3))
+STEEL = Material(1e8, 0.2, 0.3, 7800.0)
+RUBBER = Material(1e6, 0.45, 0.9, 1100.0)
+
+
+def a_setup(*, full: bool) -> Setup:
+    """A setup with all that it may hold, or with all left out that can be."""
+    corners, times = RNG.normal(size=(4, 3)), np.linspace(0, 1, 5)
+    slide = WallMotion(times, RNG.normal(size=(5, 3)))
+    tilt = WallMotion(times, slide.displacements, times**2, (0.6, 0.0, 0.8), (0.1, 0.2, 0.3))
+    jet = BodyForce((0.0, 0.0, 0.0), (1.0, 2.0, 3.0), (0.5, 0.0, -0.5))
     return Setup(
         grain=line_grain(0.014, 0.004, 5, 1400.0),
-        packing=Packing(RNG.normal(size=(6, 3)), RNG.normal(size=(6, 4))),
-        grain_material=Material(1e6, 0.3, 0.4, 1400.0),
-        wall_material=Material(1e8, 0.2, 0.3, 7800.0),
-        walls=(
-            Wall("cup", corners, np.array([[0, 1, 2], [0, 2, 3]]), moves=moving),
-            Wall("plate", corners + 1, np.array([[0, 1, 2]])),
+        packing=Packing(
+            RNG.normal(size=(6, 3)), RNG.normal(size=(6, 4)), RNG.random(6) if full else None
         ),
-        physics=Physics(damping=0.125, damp_gravity=True),
+        grain_material=Material(1e6, 0.3, 0.4, 1400.0),
+        walls=(
+            Wall("cup", corners, np.array([[0, 1, 2], [0, 2, 3]]), STEEL, slide if full else None),
+            Wall("lid", corners + 2, np.array([[0, 1, 3]]), RUBBER, tilt if full else None),
+            Wall("plate", corners + 1, np.array([[0, 1, 2]]), STEEL),
+        ),
+        physics=Physics(
+            contact_law="hertz" if full else "linear",
+            restitution=0.6 if full else None,
+            damping=0.125,
+            damp_gravity=True,
+            body_forces=(jet, jet) if full else (),
+        ),
         duration=0.7,
         exit_z=-0.56,
-        motion=WallMotion(np.linspace(0, 1, 5), RNG.normal(size=5)) if moving else None,
-        settle=not moving,
+        velocities=RNG.normal(size=(6, 3)) if full else None,
+        angular_velocities=RNG.normal(size=(6, 3)) if full else None,
+        settle=not full,
         idle_above_z=0.01,
         snapshot_times=np.array([0.1, 0.2]),
     )
@@ -48,15 +65,17 @@ def assert_same(one: Any, two: Any) -> None:
         for f in fields(one):
             assert_same(getattr(one, f.name), getattr(two, f.name))
     elif isinstance(one, tuple):
+        assert type(one) is type(two)
         for a, b in zip(one, two, strict=True):
             assert_same(a, b)
     else:
+        assert (one is None) == (two is None)
         np.testing.assert_array_equal(one, two)
 
 
-@pytest.mark.parametrize("moving", [True, False])
-def test_a_setup_comes_back_exactly(tmp_path: Path, moving: bool) -> None:
-    setup = a_setup(moving=moving)
+@pytest.mark.parametrize("full", [True, False])
+def test_a_setup_comes_back_exactly(tmp_path: Path, full: bool) -> None:
+    setup = a_setup(full=full)
     write_setup(setup, tmp_path, {"timestep": 1e-3})
     back, engine = read_setup(tmp_path)
     assert_same(setup, back)
@@ -64,34 +83,44 @@ def test_a_setup_comes_back_exactly(tmp_path: Path, moving: bool) -> None:
 
 
 def test_a_setup_is_readable_with_plain_numpy_and_json(tmp_path: Path) -> None:
-    setup = a_setup(moving=True)
+    setup = a_setup(full=True)
     write_setup(setup, tmp_path)
     scalars = json.loads((tmp_path / "setup.json").read_text(encoding="utf-8"))
-    assert scalars["walls"] == [
-        {"name": "cup", "moves": True},
-        {"name": "plate", "moves": False},
-    ]
+    assert [wall["name"] for wall in scalars["walls"]] == ["cup", "lid", "plate"]
+    assert [wall["material"]["friction_angle"] for wall in scalars["walls"]] == [0.3, 0.9, 0.3]
+    assert scalars["walls"][1]["motion"] == {"axis": [0.6, 0.0, 0.8], "pivot": [0.1, 0.2, 0.3]}
+    assert scalars["walls"][2]["motion"] is None
     with np.load(tmp_path / "setup.npz", allow_pickle=False) as arrays:
         np.testing.assert_array_equal(arrays["wall_vertices_1"], setup.walls[1].vertices)
-        assert arrays["positions"].shape == (6, 3)
+        assert arrays["wall_displacements_0"].shape == (5, 3)
+        assert {name for name in arrays.files if "wall_angles" in name} == {"wall_angles_1"}
+        assert arrays["positions"].shape == arrays["velocities"].shape == (6, 3)
 
 
 def test_a_movement_comes_back_exactly(tmp_path: Path) -> None:
     movement = replace(
-        failed_movement(a_setup(moving=True), "crashed", "burst", cpu_s=1.5),
-        snapshots={"snapshot_times": np.array([0.1]), "snapshot_speeds": np.full((1, 6), np.nan)},
+        failed_movement(a_setup(full=True), "crashed", "burst", cpu_s=1.5),
+        snapshots={
+            "snapshot_times": np.array([0.1]),
+            "snapshot_speeds": np.full((1, 6), np.nan),
+            "snapshot_wall_forces": RNG.normal(size=(1, 3, 3)),
+        },
+        angular_velocities=RNG.normal(size=(6, 3)),
+        energy={"lost": 0.5},
         steps=12,
     )
     write_movement(movement, tmp_path)
     back = read_movement(tmp_path, cpu_s=1.5)
     assert back is not None
-    assert_same(replace(movement, snapshots={}), replace(back, snapshots={}))
+    assert back.energy == {"lost": 0.5}
+    bare, back_bare = (replace(m, snapshots={}, energy={}) for m in (movement, back))
+    assert_same(bare, back_bare)
     assert_same(tuple(movement.snapshots.values()), tuple(back.snapshots.values()))
 
 
 def test_a_missing_or_torn_result_is_none(tmp_path: Path) -> None:
     assert read_movement(tmp_path, cpu_s=0.0) is None
-    write_movement(failed_movement(a_setup(moving=False), "crashed", "", cpu_s=0.0), tmp_path)
+    write_movement(failed_movement(a_setup(full=False), "crashed", "", cpu_s=0.0), tmp_path)
     whole = (tmp_path / "result.npz").read_bytes()
     (tmp_path / "result.npz").write_bytes(whole[: len(whole) // 2])
     assert read_movement(tmp_path, cpu_s=0.0) is None

@@ -9,7 +9,7 @@ import pytest
 
 from fidelity.bullet import BulletEngine
 from fidelity.dosing_run import packing_order
-from fidelity.engine import Movement, Packing, Setup
+from fidelity.engine import Grain, Material, Movement, Packing, Physics, Setup
 from fidelity.packing import Order, default_cache, digest, settled_packing
 from fidelity.portion import (
     depth_in_section,
@@ -37,6 +37,11 @@ class Still:
     def version(self) -> str:
         return "1"
 
+    def timestep(
+        self, grain: Grain, grain_material: Material, wall_material: Material, physics: Physics
+    ) -> float:
+        return 1e-2
+
     def move(self, setup: Setup, *, time_limit_s: float) -> Movement:
         with open(self.notes, "a") as notes:
             notes.write("moved\n")
@@ -44,7 +49,7 @@ class Still:
         return Movement(
             self.status, None if self.status == "finished" else "it broke",  # type: ignore[arg-type]
             np.full(n, np.nan), packing.positions, packing.orientations, np.zeros((n, 3)),
-            0.1, 10, 100.0, 1e-2, 0.0, 0.0, 0.5,
+            np.zeros((n, 3)), 0.1, 10, 100.0, 1e-2, 0.0, 0.0, 0.5,
         )  # fmt: skip
 
     def calls(self) -> int:
@@ -128,7 +133,7 @@ def test_digest_depends_on_everything(engine: Still, change: dict[str, object]) 
 
 
 def test_digest_depends_on_the_engine_and_its_fields() -> None:
-    assert digest(BulletEngine(), ORDER) != digest(BulletEngine(timestep=5e-4), ORDER)
+    assert digest(BulletEngine(), ORDER) != digest(BulletEngine(timestep_s=5e-4), ORDER)
 
 
 @pytest.mark.parametrize("damage", ["torn", "value", "missing", "moved"])

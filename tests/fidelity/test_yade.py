@@ -13,9 +13,26 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from yade_scenes import (
+    BOXED,
+    DENSITY,
+    FALL,
+    HALF_BOX,
+    LIMIT_S,
+    MATERIAL,
+    SMOOTH,
+    G,
+    R,
+    along_x,
+    box,
+    lattice,
+    rice,
+    single,
+)
 
 from fidelity import yade
-from fidelity.engine import Grain, Material, Packing, Physics, Setup, Wall, WallMotion
+from fidelity.engine import Grain, Packing, Physics, Wall, WallMotion
+from fidelity.grain import line_grain
 from fidelity.yade import YadeEngine
 from mfopt.arrays import Array
 from mfopt.errors import ConfigError
@@ -27,66 +44,6 @@ needs_yade = pytest.mark.skipif(
 )
 pytestmark = [pytest.mark.yade, needs_yade]
 
-G = 9.81  # [m/s2]
-R = 2e-3  # [m] radius of the spheres
-DENSITY = 1400.0  # [kg/m3]
-HALF_BOX = 0.03  # [m]
-LIMIT_S = 300.0  # far above what any of these runs needs
-MATERIAL = Material(young_modulus=1e6, poisson_ratio=0.3, friction_angle=0.4, density=DENSITY)
-SMOOTH = replace(MATERIAL, friction_angle=0.0)
-
-
-def rice(axis: int = 0, transverse: float = 1.0) -> Grain:
-    """Five spheres along `axis`, with the mass and the inertia of a cylinder as long."""
-    offsets = np.zeros((5, 3))
-    offsets[:, axis] = 1.25 * R * np.arange(-2, 3)
-    length = 7 * R
-    mass = DENSITY * math.pi * R**2 * length
-    inertia = np.full(3, transverse * mass * (length**2 / 12 + R**2 / 4))
-    inertia[axis] = 0.5 * mass * R**2
-    return Grain(offsets, np.full(5, R), mass, inertia)
-
-
-def box(half: float = HALF_BOX, height: float = 0.3, *, moves: bool = False) -> Wall:
-    """A square box without a lid, its floor at z = 0."""
-    corners = ((-half, -half), (half, -half), (half, half), (-half, half))
-    vertices = np.array([(x, y, z) for z in (0.0, height) for x, y in corners])
-    sides = [
-        t
-        for i in range(4)
-        for t in ((i, (i + 1) % 4, 4 + (i + 1) % 4), (i, 4 + (i + 1) % 4, 4 + i))
-    ]
-    return Wall("box", vertices, np.array([(0, 1, 2), (0, 2, 3), *sides]), moves)
-
-
-def lattice(n: int, seed: int = 0) -> Packing:
-    """Grains in layers in the box, nearly along x, without overlap."""
-    rng = np.random.default_rng(seed)
-    k, row = np.divmod(np.arange(n), 3 * 10)
-    j, i = np.divmod(row, 3)
-    positions = np.array([(i - 1) * 8 * R, (j - 4.5) * 2.6 * R, 2 * R + k * 2.6 * R]).T
-    orientations = np.array([1.0, 0.0, 0.0, 0.0]) + rng.normal(0.0, 0.02, (n, 4))
-    orientations /= np.linalg.norm(orientations, axis=1)[:, None]
-    return Packing(positions + rng.uniform(-0.1 * R, 0.1 * R, (n, 3)), orientations)
-
-
-def single(x: float, y: float, z: float, turn: Array | None = None) -> Packing:
-    unit = np.array([1.0, 0.0, 0.0, 0.0]) if turn is None else turn
-    return Packing(np.array([[x, y, z]]), unit[None])
-
-
-BOXED = Setup(
-    grain=rice(),
-    packing=lattice(40),
-    grain_material=MATERIAL,
-    wall_material=MATERIAL,
-    walls=(box(),),
-    physics=Physics(),
-    duration=0.15,
-    exit_z=-1.0,
-)
-FALL = replace(BOXED, packing=single(0.0, 0.0, 0.4), walls=(), exit_z=0.0, duration=1.0)
-
 
 @pytest.mark.parametrize("damp_gravity", [False, True])
 def test_damping_slows_free_fall_only_when_asked(damp_gravity: bool) -> None:
@@ -96,6 +53,8 @@ def test_damping_slows_free_fall_only_when_asked(damp_gravity: bool) -> None:
     assert movement.status == "finished"
     assert movement.exit_times[0] == pytest.approx(math.sqrt(2 * 0.4 / acceleration), rel=1e-3)
     assert movement.max_overlap == 0.0
+    highest = BOXED.grain.mass * acceleration * 0.4
+    assert movement.max_kinetic_energy == pytest.approx(highest, rel=0.05)
 
 
 def test_grains_leave_one_by_one_and_no_longer_cost() -> None:
@@ -123,6 +82,7 @@ def test_mass_and_inertia_are_the_grains_own() -> None:
         "plate",
         np.array([(edge, -0.1, 0.0), (edge, 0.1, 0.0), (0.1, 0.0, 0.0)]),
         np.array([(0, 1, 2)]),
+        SMOOTH,
     )
     setup = replace(
         BOXED,
@@ -130,7 +90,6 @@ def test_mass_and_inertia_are_the_grains_own() -> None:
         packing=single(0.0, 0.0, R + 0.01),
         walls=(plate,),
         grain_material=SMOOTH,
-        wall_material=SMOOTH,
         physics=Physics(damping=0.0),
         duration=0.06,
         snapshot_times=np.array([0.05, 0.054]),
@@ -180,10 +139,8 @@ def test_grain_whose_axes_are_not_those_of_its_spheres_is_refused() -> None:
 
 def test_moving_walls_follow_the_law_and_take_the_grains_along() -> None:
     times = np.linspace(0.0, 0.2, 41)
-    motion = WallMotion(times, 0.05 * (1 - np.cos(np.pi * times / 0.2)))
-    setup = replace(
-        BOXED, walls=(box(moves=True),), motion=motion, duration=0.4, packing=lattice(12)
-    )
+    motion = along_x(times, 0.05 * (1 - np.cos(np.pi * times / 0.2)))
+    setup = replace(BOXED, walls=(box(motion=motion),), duration=0.4, packing=lattice(12))
     movement = YadeEngine().move(setup, time_limit_s=LIMIT_S)
     assert movement.status == "finished"
     assert np.isnan(movement.exit_times).all()
@@ -193,20 +150,19 @@ def test_moving_walls_follow_the_law_and_take_the_grains_along() -> None:
 def test_sphere_pushed_by_a_wall_is_where_the_wall_is() -> None:
     # A wall that accelerates steadily pushes with m a, so the overlap is m a / k_n.
     grain = Grain(np.zeros((1, 3)), np.array([R]), 4.7e-5, np.full(3, 7.5e-11))
+    times = np.linspace(0.0, 0.2, 201)
     plate = Wall(
         "plate",
         np.array([(-R, -0.1, -0.1), (-R, 0.1, -0.1), (-R, 0.0, 0.2)]),
         np.array([(0, 1, 2)]),
-        moves=True,
+        MATERIAL,
+        along_x(times, 0.5 * 4.0 * times**2),  # 4 m/s2
     )
-    times = np.linspace(0.0, 0.2, 201)
-    motion = WallMotion(times, 0.5 * 4.0 * times**2)  # 4 m/s2
     setup = replace(
         BOXED,
         grain=grain,
         packing=single(0.0, 0.0, 0.0),
         walls=(plate,),
-        motion=motion,
         physics=Physics(gravity=0.0, damping=0.3),
         duration=0.19,
     )
@@ -217,17 +173,40 @@ def test_sphere_pushed_by_a_wall_is_where_the_wall_is() -> None:
     assert movement.velocities[0, 0] == pytest.approx(4.0 * movement.end_time, rel=0.05)
 
 
-def test_overlap_with_a_wall_is_weight_over_stiffness() -> None:
-    # YADE gives a wall's side of the contact twice the sphere's radius: k_n = 4/3 E r.
-    mass = 0.02
-    overlap = mass * G / (4 / 3 * MATERIAL.young_modulus * R)
-    grain = Grain(np.zeros((1, 3)), np.array([R]), mass, np.full(3, 0.4 * mass * R**2))
-    packing = single(0.001, 0.002, R - overlap)
-    undamped = Physics(damping=0.0)  # damping allows any force within its own range at rest
-    setup = replace(BOXED, grain=grain, packing=packing, physics=undamped, duration=0.02)
+def test_a_wall_that_turns_about_its_own_middle_meets_what_is_in_its_way() -> None:
+    # A sphere at rest; nothing but the turn says that the wall comes.
+    corners = np.array([(-0.2, -0.2, 0.0), (0.2, -0.2, 0.0), (0.0, 0.2, 0.0)])
+    sides = np.linalg.norm(corners[[1, 2, 0]] - corners[[2, 0, 1]], axis=1)
+    middle = tuple((sides @ corners / sides.sum()).tolist())  # of the inscribed circle
+    rate, times = 2.0, np.array([0.0, 1.0])
+    turn = WallMotion(times, np.zeros((2, 3)), -rate * times, (0.0, 1.0, 0.0), middle)
+    flap = Wall("flap", corners, np.array([(0, 1, 2)]), SMOOTH, turn)
+    place = np.array([0.12, -0.1, 0.03])
+    distance = math.hypot(place[0], place[2])
+    meeting = (math.atan2(place[2], place[0]) - math.asin(R / distance)) / rate
+    setup = replace(
+        BOXED,
+        grain=line_grain(2 * R, 2 * R, 1, DENSITY),
+        packing=single(*place),
+        walls=(flap,),
+        physics=Physics(gravity=0.0, damping=0.0),
+        duration=meeting + 0.02,
+        snapshot_times=np.array([meeting - 0.002]),
+    )
     movement = YadeEngine().move(setup, time_limit_s=LIMIT_S)
-    assert movement.max_overlap == pytest.approx(overlap / R, rel=1e-3)
-    assert movement.max_kinetic_energy < 1e-9
+    assert movement.snapshots["snapshot_speeds"][0, 0] == 0.0
+    # An elastic push by a wall of speed w: 2 w.
+    speed = float(np.linalg.norm(movement.velocities[0]))
+    assert speed == pytest.approx(2 * rate * math.sqrt(distance**2 - R**2), rel=0.03)
+
+
+def test_the_time_step_is_that_of_the_smallest_grain() -> None:
+    setup = replace(BOXED, duration=0.01)
+    scales = np.linspace(0.5, 1.5, 40)
+    mixed = replace(setup, packing=replace(setup.packing, scales=scales))
+    steps = [YadeEngine().move(s, time_limit_s=LIMIT_S).timestep for s in (setup, mixed)]
+    assert steps[1] == pytest.approx(0.5 * steps[0], rel=1e-12)
+    assert steps[0] == pytest.approx(0.6 * R * math.sqrt(DENSITY / 1e6), rel=1e-12)
 
 
 def test_runs_repeat_bit_for_bit_and_a_trace_changes_nothing(tmp_path: Path) -> None:
@@ -355,7 +334,8 @@ def test_yade_killed_twice_is_a_crash() -> None:
 def test_yade_dies_with_its_caller(tmp_path: Path) -> None:
     script = (
         "from dataclasses import replace\n"
-        "from tests.fidelity.test_yade import BOXED, YadeEngine\n"
+        "from yade_scenes import BOXED\n"
+        "from fidelity.yade import YadeEngine\n"
         "YadeEngine().move(replace(BOXED, duration=1e3), time_limit_s=600.0)\n"
     )
     modules = os.pathsep.join([str(ROOT), *sys.path])

@@ -1,0 +1,1 @@
+"""Grain engines compared: agreement of what they tell, and speed."""

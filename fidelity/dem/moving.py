@@ -1,0 +1,106 @@
+"""The walls' prescribed motion."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from fidelity.dem.compiled import compiled
+from fidelity.dem.state import Moving
+from fidelity.dem.surface import Surface
+from fidelity.engine import WallMotion
+from mfopt.arrays import IntArray
+
+
+def new_moving(motions: Sequence[WallMotion | None], surface: Surface) -> Moving:
+    """All bodies at time 0."""
+    b = len(motions)
+    pivot, axis, reach = np.zeros((b, 3)), np.zeros((b, 3)), np.zeros(b)
+    times, samples = [], []
+    first: IntArray = np.zeros(b + 1, dtype=np.int64)
+    t = surface.triangles
+    corners = np.stack([t[:, :3], t[:, :3] + t[:, 3:6], t[:, :3] + t[:, 6:9]], axis=1)
+    for i, motion in enumerate(motions):
+        first[i + 1] = first[i]
+        if motion is None:
+            continue
+        pivot[i], axis[i] = motion.pivot, motion.axis
+        mine = corners[surface.body == i].reshape(-1, 3)
+        if motion.angles is not None:
+            reach[i] = np.linalg.norm(mine - pivot[i], axis=1).max(initial=0.0)
+        angles = np.zeros(len(motion.times)) if motion.angles is None else motion.angles
+        times.append(motion.times)
+        samples.append(np.column_stack([motion.displacements, angles]))
+        first[i + 1] += len(motion.times)
+    return Moving(
+        place=np.zeros((b, 3)),
+        rotation=np.tile(np.eye(3).ravel(), (b, 1)),
+        velocity=np.zeros((b, 3)),
+        spin=np.zeros((b, 3)),
+        angle=np.zeros(b),
+        listed=np.zeros((b, 5)),
+        pivot=pivot,
+        axis=axis,
+        reach=reach,
+        first=first,
+        times=np.concatenate(times).astype(np.float64) if times else np.zeros(1),
+        samples=np.concatenate(samples) if samples else np.zeros((1, 4)),
+    )
+
+
+@compiled
+def sample(moving, b, time):  # type: ignore[no-untyped-def]
+    """Displacement (3) [m] and angle [rad] of body b at `time`."""
+    first, last = moving.first[b], moving.first[b + 1] - 1
+    times, samples = moving.times, moving.samples
+    if time <= times[first]:
+        return samples[first, 0], samples[first, 1], samples[first, 2], samples[first, 3]
+    if time >= times[last]:
+        return samples[last, 0], samples[last, 1], samples[last, 2], samples[last, 3]
+    low, high = first, last
+    while high - low > 1:
+        middle = (low + high) // 2
+        if times[middle] <= time:
+            low = middle
+        else:
+            high = middle
+    u = (time - times[low]) / (times[high] - times[low])
+    a, b_ = samples[low], samples[high]
+    return (
+        a[0] + u * (b_[0] - a[0]),
+        a[1] + u * (b_[1] - a[1]),
+        a[2] + u * (b_[2] - a[2]),
+        a[3] + u * (b_[3] - a[3]),
+    )
+
+
+@compiled
+def place_bodies(moving, time, dt):  # type: ignore[no-untyped-def]
+    """Put all bodies where they are at `time`; their velocity is that of the step before it."""
+    for b in range(1, moving.place.shape[0]):
+        x, y, z, angle = sample(moving, b, time)
+        x0, y0, z0, angle0 = sample(moving, b, time - dt)
+        moving.place[b, 0], moving.place[b, 1], moving.place[b, 2] = x, y, z
+        moving.velocity[b, 0] = (x - x0) / dt
+        moving.velocity[b, 1] = (y - y0) / dt
+        moving.velocity[b, 2] = (z - z0) / dt
+        rate = (angle - angle0) / dt
+        ax, ay, az = moving.axis[b, 0], moving.axis[b, 1], moving.axis[b, 2]
+        moving.spin[b, 0], moving.spin[b, 1], moving.spin[b, 2] = rate * ax, rate * ay, rate * az
+        moving.angle[b] = angle
+        c, s = math.cos(angle), math.sin(angle)
+        d = 1.0 - c
+        m = moving.rotation
+        m[b, 0], m[b, 1], m[b, 2] = c + ax * ax * d, ax * ay * d - az * s, ax * az * d + ay * s
+        m[b, 3], m[b, 4], m[b, 5] = ay * ax * d + az * s, c + ay * ay * d, ay * az * d - ax * s
+        m[b, 6], m[b, 7], m[b, 8] = az * ax * d - ay * s, az * ay * d + ax * s, c + az * az * d
+
+
+@compiled
+def moved_since_listed(moving, b):  # type: ignore[no-untyped-def]
+    """How far any point of body b may have moved since the lists were made [m]."""
+    dx = moving.place[b, 0] - moving.listed[b, 0]
+    dy = moving.place[b, 1] - moving.listed[b, 1]
+    dz = moving.place[b, 2] - moving.listed[b, 2]
+    turned = abs(moving.angle[b] - moving.listed[b, 3])
+    return math.sqrt(dx * dx + dy * dy + dz * dz) + turned * moving.reach[b]

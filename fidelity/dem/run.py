@@ -1,0 +1,295 @@
+"""One run: from a setup to a movement."""
+
+import math
+import time
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fidelity.dem import energy
+from fidelity.dem import state as at
+from fidelity.dem.advance import DONE, MORE_KEPT, MORE_PAIRS, advance
+from fidelity.dem.integrate import Field
+from fidelity.dem.law import Law, Pair, law_of, pair_of
+from fidelity.dem.grouping import regroup
+from fidelity.dem.moving import new_moving
+from fidelity.dem.neighbours import Reach, Scratch, new_scratch
+from fidelity.dem.state import (
+    HISTORY,
+    WALL_CONTACTS,
+    Pairs,
+    State,
+    WallPairs,
+    new_pairs,
+    new_state,
+    new_wall_pairs,
+)
+from fidelity.dem.surface import Grid, Surface, bodies_of, build_grid, build_surface
+from fidelity.engine import Movement, Setup
+from mfopt.arrays import Array, IntArray
+
+LOOK_S = 1e-3  # [s] simulated between two looks at the grains
+LOOKS_PER_GROUPING = 5  # then grains that have left are taken out, and the others sorted by place
+
+# A run is broken when two spheres overlap by more than this [smallest radius]; at 2 their centres
+# are in one place. Soft grains between the cup's rim and the hole's edge reach 1 in sound runs.
+MAX_OVERLAP = 1.5
+# ... or when more energy has come from nowhere than this share of what was turned over.
+MAX_GAIN = 0.05
+
+# Settled: for this long [s] the grains move with less, per grain, than this part of the energy
+# that lifts a grain by its smallest radius.
+SETTLED_S = 0.1
+SETTLED_ENERGY = 1e-3
+
+# Skins of the neighbour lists: at rest and at most [radius], and how many steps' way is added.
+# docs/engine has the times that others take.
+LEAST_SKIN, MOST_SKIN, STEPS_AHEAD = 0.15, 0.45, 12
+ROOM = 1.5  # arrays that are too short become so many times as long
+
+
+class Tables(NamedTuple):
+    """Everything that a step reads and changes."""
+
+    state: State
+    pairs: Pairs
+    walls: WallPairs
+    scratch: Scratch
+    stage: IntArray
+    surface: Surface
+    grid: Grid
+    reach: Reach
+    law: Law
+    pair: Pair
+    materials: Array
+    shape: Array
+    field: Field
+    dt: float
+
+
+@dataclass
+class Watch:
+    """What the looks at the grains saw."""
+
+    start_energy: float = math.nan  # [J]
+    quiet_since: float | None = None  # [s]
+    why: str | None = None  # the run is broken, and why
+    due: list[float] = field(default_factory=list)  # snapshots to come
+    snapshots: dict[str, list[Any]] = field(default_factory=dict)
+
+
+def run(setup: Setup, dt: float, time_limit_s: float) -> Movement:
+    """Move the grains of `setup` in steps of `dt` [s]."""
+    began, cpu = time.monotonic(), time.thread_time()
+    tables = prepare(setup, dt)
+    state = tables.state
+    watch = Watch(due=sorted(setup.snapshot_times.tolist()))
+    last = math.ceil(setup.duration / dt)
+    spheres_moved, timed_out = 0.0, False
+    looks, look = 0, 1  # the first look only measures the energy at the start
+    while state.counts[at.STEP] < last and state.counts[at.GRAINS] and watch.why is None:
+        steps = min(look, last - int(state.counts[at.STEP]))
+        before = int(state.counts[at.STEP])
+        tables = take_steps(tables, steps)
+        spheres_moved += float((state.counts[at.STEP] - before) * _spheres(tables))
+        look = max(1, int(LOOK_S / dt))
+        examine(setup, tables, watch)
+        looks += 1
+        if looks % LOOKS_PER_GROUPING == 1:
+            regroup(tables)
+        now = float(state.counts[at.STEP] * dt)
+        take_snapshots(tables, watch, now)
+        if ends_early(setup, tables, watch, now):
+            break
+        if time.monotonic() - began > time_limit_s:
+            timed_out = True
+            watch.why = f"not ready within the time limit of {time_limit_s:g} s"
+    return _movement(
+        setup, tables, watch, spheres_moved, timed_out, time.thread_time() - cpu
+    )
+
+
+def prepare(setup: Setup, dt: float) -> Tables:
+    """Allocate everything for `setup`."""
+    motions, body = bodies_of(setup.walls)
+    surface = build_surface(setup.walls, body)
+    state = new_state(setup, new_moving(motions, surface))
+    s = len(state.spheres.owner)
+    radii = state.spheres.place[:, 3]
+    reach = Reach(
+        least=LEAST_SKIN * float(radii.min()),
+        most=MOST_SKIN * float(radii.max()),
+        ahead=STEPS_AHEAD * dt,
+        radius=float(radii.max()),
+    )
+    grain, physics = setup.grain, setup.physics
+    material = setup.grain_material
+    on_walls = [pair_of(material, w.material, physics, wall=True) for w in setup.walls]
+    return Tables(
+        state=state,
+        pairs=new_pairs(12 * s + 64, rolling=physics.rolling_friction > 0.0),
+        walls=new_wall_pairs(s + 1, 4 * s + 64),
+        scratch=new_scratch(s, 3 * s + 64, s + 1),
+        stage=np.zeros(1, dtype=np.int64),
+        surface=surface,
+        grid=build_grid(surface, len(motions), reach.radius + 2 * reach.most),
+        reach=reach,
+        law=law_of(physics),
+        pair=pair_of(material, material, physics, wall=False),
+        materials=np.array(on_walls or [(0.0, 0.0, 0.0)]),
+        shape=np.column_stack([grain.offsets, grain.radii]),
+        field=Field(
+            gravity=physics.gravity,
+            damping=physics.damping,
+            damp_gravity=physics.damp_gravity or setup.settle,
+            linear_drag=physics.linear_drag,
+            quadratic_drag=physics.quadratic_drag,
+            forces=np.array(
+                [[*f.lower, *f.upper, *f.acceleration] for f in physics.body_forces]
+            ).reshape(-1, 9),
+            exit_z=setup.exit_z,
+        ),
+        dt=dt,
+    )
+
+
+def take_steps(tables: Tables, steps: int) -> Tables:
+    """Take steps; the tables come back, some of them longer if they were too short."""
+    while steps:
+        t = tables
+        near = np.empty(len(t.pairs.other), dtype=np.uint64)
+        found, keys = np.zeros((WALL_CONTACTS, 11)), np.zeros((WALL_CONTACTS, 3), dtype=np.int64)
+        taken, wanted = advance(
+            t.state, t.pairs, t.walls, t.scratch, t.stage, t.surface, t.grid, t.reach, t.law,
+            t.pair, t.materials, t.shape, t.field, t.dt, steps, near, found, keys,
+        )  # fmt: skip
+        steps -= taken
+        if wanted == DONE:
+            break
+        tables = _with_more_room(tables, wanted)
+    return tables
+
+
+def _with_more_room(tables: Tables, wanted: int) -> Tables:
+    s = len(tables.state.spheres.owner)
+    if wanted == MORE_PAIRS:
+        room = int(ROOM * len(tables.pairs.other)) + s
+        pairs = new_pairs(room, rolling=tables.law.rolling > 0.0)
+        return tables._replace(pairs=pairs)
+    if wanted == MORE_KEPT:
+        scratch = tables.scratch
+        room = int(ROOM * len(scratch.kept_other)) + s
+        return tables._replace(
+            scratch=new_scratch(s, room, len(scratch.wall_sphere))
+        )
+    room = int(ROOM * len(tables.walls.triangle)) + s
+    return tables._replace(walls=new_wall_pairs(len(tables.walls.sphere), room))
+
+
+def _spheres(tables: Tables) -> int:
+    return int(tables.state.counts[at.GRAINS]) * len(tables.shape)
+
+
+def examine(setup: Setup, tables: Tables, watch: Watch) -> None:
+    """Look at energy and overlap; note what is broken, and whether the grains are at rest."""
+    state, dt = tables.state, tables.dt
+    budget, now = state.budget, float(state.counts[at.STEP] * dt)
+    kinetic = float(budget[at.KINETIC])
+    budget[at.LARGEST_KINETIC] = max(budget[at.LARGEST_KINETIC], kinetic)
+    total = energy.total(budget)
+    if math.isnan(watch.start_energy):
+        watch.start_energy = total
+    gain, turned = total - watch.start_energy, energy.turnover(budget)
+    n = int(state.counts[at.GRAINS])
+    radius = float(state.spheres.place[:, 3].min())
+    overlap = float(budget[at.OVERLAP]) / radius
+    lift = setup.grain.mass * setup.physics.gravity * radius
+    if not math.isfinite(total) or not np.isfinite(state.bodies.kinematics[:n]).all():
+        watch.why = f"a position or velocity is not a number at {now:.4g} s"
+    elif gain > MAX_GAIN * turned + lift * n:
+        watch.why = (
+            f"exploded at {now:.4g} s: {gain:.3g} J came from nowhere, above {MAX_GAIN:g} of the "
+            f"{turned:.3g} J turned over; use a shorter time step or stiffer grains"
+        )
+    elif overlap > MAX_OVERLAP:
+        watch.why = (
+            f"overlap {overlap:.2f} of the smallest radius at {now:.4g} s is above "
+            f"{MAX_OVERLAP:g}; use stiffer grains or a shorter time step"
+        )
+    if kinetic >= SETTLED_ENERGY * n * lift:
+        watch.quiet_since = None
+    elif watch.quiet_since is None:
+        watch.quiet_since = now
+
+
+def ends_early(setup: Setup, tables: Tables, watch: Watch, now: float) -> bool:
+    """Whether the grains are at rest, or none can still pass."""
+    if setup.settle and watch.quiet_since is not None:
+        return now - watch.quiet_since >= SETTLED_S
+    if now > setup.idle_after:
+        bodies, n = tables.state.bodies, int(tables.state.counts[at.GRAINS])
+        z = bodies.kinematics[:n, 2][~bodies.left[:n]]
+        return not (z < setup.idle_above_z).any()
+    return False
+
+
+def take_snapshots(tables: Tables, watch: Watch, now: float) -> None:
+    """Take the snapshots that are due: at the first look after their time."""
+    while watch.due and now >= watch.due[0]:
+        watch.due.pop(0)
+        positions, orientations, velocities, _ = _by_number(tables)
+        kept = {
+            "snapshot_times": now,
+            "snapshot_positions": positions,
+            "snapshot_orientations": orientations,
+            "snapshot_speeds": np.linalg.norm(velocities, axis=1),
+            "snapshot_wall_forces": tables.state.wall_force.copy(),
+        }
+        for name, value in kept.items():
+            watch.snapshots.setdefault(name, []).append(value)
+
+
+def _by_number(tables: Tables) -> tuple[Array, Array, Array, Array]:
+    """Positions, orientations, velocities and spins of all grains, nan for those that left."""
+    bodies, n = tables.state.bodies, int(tables.state.counts[at.GRAINS])
+    here = ~bodies.left[:n]
+    number = bodies.number[:n][here]
+    values = np.full((len(bodies.number), 13), np.nan)
+    values[number, :9] = bodies.kinematics[:n][here]
+    values[number, 9:] = bodies.quaternion[:n][here]
+    return values[:, :3], values[:, 9:], values[:, 3:6], values[:, 6:9]
+
+
+def _movement(
+    setup: Setup,
+    tables: Tables,
+    watch: Watch,
+    spheres_moved: float,
+    timed_out: bool,
+    cpu_s: float,
+) -> Movement:
+    state = tables.state
+    positions, orientations, velocities, spins = _by_number(tables)
+    gone = np.isfinite(state.exits.time)
+    left = state.exits.state
+    radius = float(state.spheres.place[:, 3].min())
+    status = "timed_out" if timed_out else "finished" if watch.why is None else "crashed"
+    return Movement(
+        status=status,  # type: ignore[arg-type]
+        why=watch.why,
+        exit_times=state.exits.time.copy(),
+        positions=np.where(gone[:, None], left[:, :3], positions),
+        orientations=np.where(gone[:, None], left[:, 9:], orientations),
+        velocities=np.where(gone[:, None], left[:, 3:6], velocities),
+        angular_velocities=np.where(gone[:, None], left[:, 6:9], spins),
+        end_time=float(state.counts[at.STEP] * tables.dt),
+        steps=int(state.counts[at.STEP]),
+        sphere_steps=spheres_moved,
+        timestep=tables.dt,
+        max_overlap=float(state.budget[at.OVERLAP]) / radius,
+        max_kinetic_energy=float(state.budget[at.LARGEST_KINETIC]),
+        cpu_s=cpu_s,
+        snapshots={name: np.array(values) for name, values in watch.snapshots.items()},
+        energy=energy.named(state.budget, watch.start_energy),
+    )

@@ -1,0 +1,59 @@
+"""Engines refuse physics that they lack, before anything runs."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fidelity.bullet import BulletEngine
+from fidelity.engine import BodyForce, Engine, Material, Packing, Physics, Setup
+from fidelity.grain import line_grain
+from fidelity.refuse import refuse
+from fidelity.yade import YadeEngine
+from mfopt.errors import ConfigError
+
+JET = BodyForce((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (2.0, 0.0, 0.0))
+MATERIAL = Material(1e6, 0.3, 0.4, 1400.0)
+SETUP = Setup(
+    grain=line_grain(0.004, 0.004, 1, 1400.0),
+    packing=Packing(np.zeros((1, 3)), np.array([[1.0, 0.0, 0.0, 0.0]])),
+    grain_material=MATERIAL,
+    walls=(),
+    physics=Physics(),
+    duration=0.001,
+    exit_z=-1.0,
+)
+NEITHER_HAS = [
+    ("rolling_friction", Physics(rolling_friction=0.1), "0.1"),
+    ("adhesion_energy", Physics(adhesion_energy=0.02), "0.02"),
+    ("linear_drag", Physics(linear_drag=3.0), "3.0"),
+    ("quadratic_drag", Physics(quadratic_drag=0.5), "0.5"),
+    ("body_forces", Physics(body_forces=(JET,)), "(BodyForce"),
+]
+
+
+@pytest.mark.parametrize(
+    ("engine", "field", "physics", "value"),
+    [(engine, *row) for engine in (YadeEngine(), BulletEngine()) for row in NEITHER_HAS]
+    + [
+        (YadeEngine(), "restitution", Physics(restitution=0.6), "0.6"),
+        (YadeEngine(), "restitution", Physics(contact_law="hertz"), "None"),
+        (BulletEngine(), "contact_law", Physics(contact_law="hertz", restitution=0.6), "'hertz'"),
+    ],
+)
+def test_what_an_engine_lacks_is_refused_with_a_remedy(
+    engine: Engine, field: str, physics: Physics, value: str
+) -> None:
+    with pytest.raises(ConfigError) as error:
+        engine.move(replace(SETUP, physics=physics), time_limit_s=60.0)
+    message = str(error.value)
+    assert f"engine {engine.name}" in message
+    assert f"{field} = {value}" in message
+    assert "choose the engine numba" in message
+
+
+def test_absent_physics_is_no_reason_to_refuse() -> None:
+    lacks = ("contact_law", "restitution", "rolling_friction", "body_forces")
+    refuse("any", Physics(damping=0.5, gravity=1.6), lacks=lacks)
+    with pytest.raises(ConfigError, match="set it to None"):
+        refuse("any", Physics(restitution=0.5), lacks=lacks)
