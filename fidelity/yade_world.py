@@ -107,17 +107,20 @@ def add_walls(given: dict[str, Any]) -> list[Wall]:
 
 
 def add_grains(given: dict[str, Any]) -> Grains:
-    """Add the grains as clumps, at rest, with the mass and the inertia that each grain has."""
+    """Add the grains as clumps with the mass, inertia and first velocity that each grain has."""
     material = add_material(given["grain_material"])
     positions, orientations = given["positions"], given["orientations"]
     n = len(positions)
     scales = given.get("scales", np.ones(n))
+    felt = felt_masses(given)
     ids, states, frames = [], [], []
     for i in range(n):
         w, x, y, z = orientations[i].tolist()
         turn = Quaternion(w, x, y, z)
         turn.normalize()
         number = add_clump(given, positions[i].tolist(), turn, float(scales[i]), material)
+        for member, mass in zip(O.bodies[number].shape.members, felt, strict=True):
+            O.bodies[member].state.mass = float(scales[i]) ** 3 * mass
         state = O.bodies[number].state
         ids.append(number)
         states.append(state)
@@ -160,14 +163,12 @@ def add_clump(
             given["grain_offsets"], given["grain_radii"].tolist(), strict=True
         )
     ]
-    number, member_numbers = O.bodies.appendClumped(members, discretization=0)
+    number, _ = O.bodies.appendClumped(members, discretization=0)
     clump = O.bodies[number]
     clump.aspherical = True
     frame = clump.state.ori.conjugate() * turn
     clump.state.mass = scale**3 * given["grain_mass"]
     clump.state.inertia = clump_inertia(frame, scale**5 * given["grain_inertia"])
-    for member, mass in zip(member_numbers, felt_masses(given), strict=True):
-        O.bodies[member].state.mass = scale**3 * mass
     return int(number)
 
 

@@ -23,8 +23,8 @@ FRESH, STORED, KEPT, PAIRED = range(4)
 
 @compiled
 def advance(  # type: ignore[no-untyped-def]
-    state, pairs, walls, scratch, stage, surface, grid, reach, law, pair, materials, shape, field,
-    dt, steps, near, found, keys,
+    state, pairs, touching, walls, scratch, stage, surface, grid, reach, law, pair, materials, shape, field,
+    dt, steps, found, keys,
 ):  # fmt: skip
     """Take up to `steps` steps; the last one measures the energies.
 
@@ -41,17 +41,17 @@ def advance(  # type: ignore[no-untyped-def]
     for taken in range(steps):
         time = counts[STEP] * dt
         place_bodies(state.moving, time, dt)
-        if counts[STALE] or stage[0] != FRESH or walls_are_stale(state.moving):
+        if counts[STALE] or stage[0] != FRESH or walls_are_stale(state.moving, state.drift, time):
             if stage[0] == FRESH:
-                if not store_history(state, pairs, walls, scratch, rolling):
+                if not store_history(state, pairs, touching, walls, scratch, rolling):
                     return taken, MORE_KEPT
                 stage[0] = STORED
             if stage[0] == STORED:
                 sort_history(scratch, counts[GRAINS] * k)
-                set_skins(state, reach, k)
+                set_skins(state, reach, k, time)
                 stage[0] = KEPT
             if stage[0] == KEPT:
-                if not list_pairs(state, pairs, scratch, reach, rolling, k):
+                if not list_pairs(state, pairs, touching, scratch, reach, rolling, k):
                     return taken, MORE_PAIRS
                 stage[0] = PAIRED
             if not list_walls(state, walls, surface, grid, scratch, reach, k):
@@ -67,7 +67,7 @@ def advance(  # type: ignore[no-untyped-def]
             for c in range(3):
                 state.wall_force[w, c] = 0.0
         counts[STEP] += 1
-        pair_forces(state, pairs, law, pair, dt, measure, near)
+        pair_forces(state, pairs, touching, law, pair, dt, measure)
         wall_forces(state, walls, surface, law, materials, dt, measure, found, keys)
         kick = 0.5 if counts[STEP] == 1 else 1.0
         integrate(state, shape, field, time, dt, kick, measure)

@@ -6,21 +6,22 @@ import numpy as np
 
 from fidelity.dem import state as at
 from fidelity.dem.advance import FRESH, STORED
-from fidelity.dem.neighbours import store_history
+from fidelity.dem.neighbours import spread, store_history
 from fidelity.dem.state import State
 from mfopt.arrays import IntArray
 
 if TYPE_CHECKING:
     from fidelity.dem.run import Tables
 
-LAYER = 8.0  # [sphere radii] grains of a layer of this height are sorted along y, then x
+CELL = 4.0  # [sphere radii] grains are sorted by cells of this size
+BITS = (20, 20, 20)
 
 
 def regroup(tables: "Tables") -> None:
     """Give every staying grain a new row; the lists are made again before the next step."""
     t, state, k = tables, tables.state, len(tables.shape)
     if t.stage[0] != FRESH or not store_history(
-        state, t.pairs, t.walls, t.scratch, t.law.rolling > 0.0
+        state, t.pairs, t.touching, t.walls, t.scratch, t.law.rolling > 0.0
     ):
         return  # at the next look
     n = int(state.counts[at.GRAINS])
@@ -32,6 +33,8 @@ def regroup(tables: "Tables") -> None:
     new_row[order] = np.arange(len(order))
     _move(state, order, k)
     state.counts[at.GRAINS], state.counts[at.LEFT] = len(order), 0
+    if len(order):
+        state.drift[:3] = np.median(state.bodies.kinematics[: len(order), 3:6], axis=0)
     _carry(tables, new_row, k)
     state.counts[at.STALE], t.stage[0] = 1, STORED
 
@@ -46,10 +49,12 @@ def _energy(state: State, rows: IntArray, gravity: float) -> float:
 
 
 def _by_place(state: State, rows: IntArray) -> IntArray:
-    """Order by height, in each layer by y, in each row by x."""
-    layer = LAYER * float(state.spheres.place[:, 3].max())
-    x, y, z = np.floor(state.bodies.kinematics[rows, :3] / layer).T
-    return np.lexsort((x, y, z))
+    """Order of the cells that they are in, see `spread`."""
+    cell = CELL * float(state.spheres.place[:, 3].max())
+    numbers = np.floor(state.bodies.kinematics[rows, :3] / cell).astype(np.int64)
+    numbers = (numbers - numbers.min(axis=0, initial=0)).clip(max=(1 << BITS[0]) - 1)
+    key = sum(spread(numbers[:, axis], axis, BITS) for axis in range(3))
+    return np.argsort(key, kind="stable")
 
 
 def _move(state: State, order: IntArray, k: int) -> None:

@@ -9,7 +9,9 @@ its size where it drives the motion, and enlarged where it brakes it.
 import math
 from typing import NamedTuple
 
-from fidelity.dem.compiled import compiled
+import numpy as np
+
+from fidelity.dem.compiled import compiled, inlined
 from fidelity.dem.state import (
     DRAG,
     FORCE_WORK,
@@ -49,16 +51,23 @@ def integrate(state, shape, field, time, dt, kick, measure):  # type: ignore[no-
     """
     bodies, spheres, budget = state.bodies, state.spheres, state.budget
     kin, load, mom, inertia = bodies.kinematics, bodies.load, bodies.momentum, bodies.inertia
+    inverse = bodies.inverse
     turn, quat = bodies.rotation, bodies.quaternion
     place, listed = spheres.place, spheres.listed
     k = shape.shape[0]
     h = kick * dt
     damped = dragged = worked = kinetic = potential = 0.0
     stale = False
-    for g in range(state.counts[GRAINS]):
-        mass = inertia[g, 0]
+    passed = time + dt - state.drift[3]
+    drift_x, drift_y, drift_z = (
+        passed * state.drift[0],
+        passed * state.drift[1],
+        passed * state.drift[2],
+    )
+    for g in range(np.uint64(state.counts[GRAINS])):
+        mass, light = inertia[g, 0], inverse[g, 0]
         vx, vy, vz = kin[g, 3], kin[g, 4], kin[g, 5]
-        ax, ay, az = load[g, 0] / mass, load[g, 1] / mass, load[g, 2] / mass
+        ax, ay, az = load[g, 0] * light, load[g, 1] * light, load[g, 2] * light
         tx, ty, tz = load[g, 3], load[g, 4], load[g, 5]
         weight = -field.gravity
         if field.damping > 0.0:
@@ -68,10 +77,14 @@ def integrate(state, shape, field, time, dt, kick, measure):  # type: ignore[no-
             ax = brake(ax, vx + 0.5 * h * ax, field.damping)
             ay = brake(ay, vy + 0.5 * h * ay, field.damping)
             az = brake(az, vz + 0.5 * h * az, field.damping)
-            damped += mass * h * (
-                (ex - ax) * (vx + 0.5 * h * ax)
-                + (ey - ay) * (vy + 0.5 * h * ay)
-                + (ez - az) * (vz + 0.5 * h * az)
+            damped += (
+                mass
+                * h
+                * (
+                    (ex - ax) * (vx + 0.5 * h * ax)
+                    + (ey - ay) * (vy + 0.5 * h * ay)
+                    + (ez - az) * (vz + 0.5 * h * az)
+                )
             )
             if field.damp_gravity:
                 weight = 0.0
@@ -79,9 +92,7 @@ def integrate(state, shape, field, time, dt, kick, measure):  # type: ignore[no-
             tx = brake(tx, kin[g, 6], field.damping)
             ty = brake(ty, kin[g, 7], field.damping)
             tz = brake(tz, kin[g, 8], field.damping)
-            damped += h * (
-                (ex - tx) * kin[g, 6] + (ey - ty) * kin[g, 7] + (ez - tz) * kin[g, 8]
-            )
+            damped += h * ((ex - tx) * kin[g, 6] + (ey - ty) * kin[g, 7] + (ez - tz) * kin[g, 8])
         az += weight
         if field.linear_drag > 0.0 or field.quadratic_drag > 0.0:
             speed = math.sqrt(vx * vx + vy * vy + vz * vz)
@@ -97,10 +108,14 @@ def integrate(state, shape, field, time, dt, kick, measure):  # type: ignore[no-
                 and box[2] <= kin[g, 2] <= box[5]
             ):
                 ax, ay, az = ax + box[6], ay + box[7], az + box[8]
-                worked += mass * h * (
-                    box[6] * (vx + 0.5 * h * ax)
-                    + box[7] * (vy + 0.5 * h * ay)
-                    + box[8] * (vz + 0.5 * h * az)
+                worked += (
+                    mass
+                    * h
+                    * (
+                        box[6] * (vx + 0.5 * h * ax)
+                        + box[7] * (vy + 0.5 * h * ay)
+                        + box[8] * (vz + 0.5 * h * az)
+                    )
                 )
         nvx, nvy, nvz = vx + h * ax, vy + h * ay, vz + h * az
         lx, ly, lz = mom[g, 0] + h * tx, mom[g, 1] + h * ty, mom[g, 2] + h * tz
@@ -109,11 +124,11 @@ def integrate(state, shape, field, time, dt, kick, measure):  # type: ignore[no-
         bx = m[0] * lx + m[3] * ly + m[6] * lz
         by = m[1] * lx + m[4] * ly + m[7] * lz
         bz = m[2] * lx + m[5] * ly + m[8] * lz
-        i1, i2, i3 = inertia[g, 1], inertia[g, 2], inertia[g, 3]
-        ox, oy, oz = bx / i1, by / i2, bz / i3
-        cx = ox + 0.5 * dt * (by * oz - bz * oy) / i1
-        cy = oy + 0.5 * dt * (bz * ox - bx * oz) / i2
-        cz = oz + 0.5 * dt * (bx * oy - by * ox) / i3
+        i1, i2, i3 = inverse[g, 1], inverse[g, 2], inverse[g, 3]
+        ox, oy, oz = bx * i1, by * i2, bz * i3
+        cx = ox + 0.5 * dt * (by * oz - bz * oy) * i1
+        cy = oy + 0.5 * dt * (bz * ox - bx * oz) * i2
+        cz = oz + 0.5 * dt * (bx * oy - by * ox) * i3
         if measure:
             mx, my, mz = 0.5 * (vx + nvx), 0.5 * (vy + nvy), 0.5 * (vz + nvz)
             if kick < 1.0:
@@ -126,7 +141,7 @@ def integrate(state, shape, field, time, dt, kick, measure):  # type: ignore[no-
             ux = m[0] * lx0 + m[3] * ly0 + m[6] * lz0
             uy = m[1] * lx0 + m[4] * ly0 + m[7] * lz0
             uz = m[2] * lx0 + m[5] * ly0 + m[8] * lz0
-            kinetic += 0.5 * (ux * ux / i1 + uy * uy / i2 + uz * uz / i3)
+            kinetic += 0.5 * (ux * ux * i1 + uy * uy * i2 + uz * uz * i3)
             potential += mass * field.gravity * kin[g, 2]
         mom[g, 0], mom[g, 1], mom[g, 2] = lx, ly, lz
         kin[g, 3], kin[g, 4], kin[g, 5] = nvx, nvy, nvz
@@ -152,14 +167,17 @@ def integrate(state, shape, field, time, dt, kick, measure):  # type: ignore[no-
         for c in range(6):
             load[g, c] = 0.0
         scale = bodies.scale[g]
-        for c in range(k):
+        first = g * np.uint64(k)
+        for c in range(np.uint64(k)):
             sx, sy, sz = scale * shape[c, 0], scale * shape[c, 1], scale * shape[c, 2]
-            i = g * k + c
+            i = first + c
             sphere_x = px + m[0] * sx + m[1] * sy + m[2] * sz
             sphere_y = py + m[3] * sx + m[4] * sy + m[5] * sz
             sphere_z = pz + m[6] * sx + m[7] * sy + m[8] * sz
             place[i, 0], place[i, 1], place[i, 2] = sphere_x, sphere_y, sphere_z
-            dx, dy, dz = sphere_x - listed[i, 0], sphere_y - listed[i, 1], sphere_z - listed[i, 2]
+            dx = sphere_x - listed[i, 0] - drift_x
+            dy = sphere_y - listed[i, 1] - drift_y
+            dz = sphere_z - listed[i, 2] - drift_z
             stale = stale or dx * dx + dy * dy + dz * dz > listed[i, 3]
         if pz < field.exit_z and not bodies.left[g]:
             leave(state, g, time + dt * max(0.0, field.exit_z - before) / (pz - before))
@@ -173,15 +191,10 @@ def integrate(state, shape, field, time, dt, kick, measure):  # type: ignore[no-
         state.counts[STALE] = 1
 
 
-@compiled
+@inlined
 def brake(force, velocity, damping):  # type: ignore[no-untyped-def]
     """Cundall's numerical damping of one component."""
-    drive = force * velocity
-    if drive > 0.0:
-        return force * (1.0 - damping)
-    if drive < 0.0:
-        return force * (1.0 + damping)
-    return force
+    return force * (1.0 - math.copysign(damping, force * velocity))
 
 
 @compiled

@@ -63,7 +63,9 @@ def pair_of(a: Material, b: Material, physics: Physics, *, wall: bool) -> Pair:
     normal = [m.young_modulus for m in (a, b)]
     tangential = [m.young_modulus * m.poisson_ratio for m in (a, b)]
     if wall:  # counts as a sphere of twice the radius
-        return Pair(_series(normal[0], 2 * normal[1]), _series(tangential[0], 2 * tangential[1]), friction)
+        return Pair(
+            _series(normal[0], 2 * normal[1]), _series(tangential[0], 2 * tangential[1]), friction
+        )
     return Pair(2 * _series(*normal), 2 * _series(*tangential), friction)
 
 

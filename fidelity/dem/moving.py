@@ -97,10 +97,11 @@ def place_bodies(moving, time, dt):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def moved_since_listed(moving, b):  # type: ignore[no-untyped-def]
-    """How far any point of body b may have moved since the lists were made [m]."""
-    dx = moving.place[b, 0] - moving.listed[b, 0]
-    dy = moving.place[b, 1] - moving.listed[b, 1]
-    dz = moving.place[b, 2] - moving.listed[b, 2]
+def moved_since_listed(moving, b, drift, time):  # type: ignore[no-untyped-def]
+    """How far any point of body b may have moved, against the drift, since the lists were made [m]."""
+    passed = time - drift[3]
+    dx = moving.place[b, 0] - moving.listed[b, 0] - passed * drift[0]
+    dy = moving.place[b, 1] - moving.listed[b, 1] - passed * drift[1]
+    dz = moving.place[b, 2] - moving.listed[b, 2] - passed * drift[2]
     turned = abs(moving.angle[b] - moving.listed[b, 3])
     return math.sqrt(dx * dx + dy * dy + dz * dz) + turned * moving.reach[b]

@@ -1,7 +1,8 @@
 """Neighbour lists: which spheres may touch which spheres and triangles for the next steps.
 
 A sphere's skin is the way that it may go before the lists are stale. It grows with its speed:
-fast grains are few and far apart, and would otherwise make everybody's lists stale. Spheres are
+fast grains are few and far apart, and would otherwise make everybody's lists stale. All ways and
+speeds are against a drift that most grains share: that of the cup that they ride in. Spheres are
 found by cells that are numbered modulo the size of a small table; two cells of the same number are
 so far apart that the distance tells.
 
@@ -10,6 +11,7 @@ the arrays are too short, to be called again with longer ones.
 """
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -21,8 +23,9 @@ from fidelity.dem.state import (
     ENTRIES,
     GRAINS,
     PAIRS,
+    SIDE,
     STALE,
-    STEP,
+    TOUCHING,
     HISTORY,
     WALL_CONTACTS,
 )
@@ -48,6 +51,10 @@ class Scratch(NamedTuple):
 
     bucket: IntArray  # (s,) of each sphere
     table: IntArray  # (buckets + 1,) start of each bucket
+    # What the cell number along each axis, modulo the length of these, adds to the bucket's number.
+    bucket_x: IntArray
+    bucket_y: IntArray
+    bucket_z: IntArray
     sorted: Array  # (s, 4) centre and radius plus skin, by bucket
     sphere: NDArray[np.uint32]  # (s,) its row
     owner: NDArray[np.uint32]  # (s,) its grain
@@ -62,6 +69,8 @@ class Scratch(NamedTuple):
     # Histories of touching contacts while the lists are made.
     kept_start: NDArray[np.uint64]  # (s + 1,)
     kept_other: NDArray[np.uint32]  # (c,)
+    kept_low: NDArray[np.uint8]  # (s,) whether a sphere is the lower, the higher of a kept pair
+    kept_high: NDArray[np.uint8]  # (s,)
     kept: Array  # (c, 6)
     raw: IntArray  # (c, 2) rows of both spheres
     raw_kept: Array  # (c, 6)
@@ -75,11 +84,13 @@ class Scratch(NamedTuple):
 
 def new_scratch(spheres: int, contacts: int, entries: int) -> Scratch:
     """Room for so many."""
-    buckets = 1 << max(9, int(np.ceil(np.log2(2 * spheres))))
+    bits = max(9, int(np.ceil(np.log2(2 * spheres))))
+    along = [(bits + 2 - axis) // 3 for axis in range(3)]  # bits of each axis
     ints = lambda *shape: np.zeros(shape, dtype=np.int64)  # noqa: E731
     return Scratch(
         ints(spheres),
-        ints(buckets + 1),
+        ints((1 << bits) + 1),
+        *(spread(np.arange(1 << n), axis, along) for axis, n in enumerate(along)),
         np.zeros((spheres, 4)),
         np.zeros(spheres, dtype=np.uint32),
         np.zeros(spheres, dtype=np.uint32),
@@ -88,6 +99,8 @@ def new_scratch(spheres: int, contacts: int, entries: int) -> Scratch:
         np.zeros(spheres, dtype=np.uint8),
         np.zeros(spheres + 1, dtype=np.uint64),
         np.zeros(contacts, dtype=np.uint32),
+        np.zeros(spheres, dtype=np.uint8),
+        np.zeros(spheres, dtype=np.uint8),
         np.zeros((contacts, 6)),
         ints(contacts, 2),
         np.zeros((contacts, 6)),
@@ -100,20 +113,39 @@ def new_scratch(spheres: int, contacts: int, entries: int) -> Scratch:
     )
 
 
+def spread(numbers: IntArray, axis: int, bits: Sequence[int]) -> IntArray:
+    """Bits of `numbers` at their places in an interleaved number: x0, y0, z0, x1, y1, z1, ...
+
+    Cells that are near in space then have numbers that are near (Morton order), so that what is
+    worked on at one time fits the cache.
+
+    Args:
+        numbers: of cells along `axis`.
+        axis: 0, 1 or 2.
+        bits: of each axis.
+    """
+    result, place = np.zeros_like(numbers), 0
+    for bit in range(max(bits)):
+        for a in range(3):
+            if bit < bits[a]:
+                if a == axis:
+                    result |= ((numbers >> bit) & 1) << place
+                place += 1
+    return result
+
+
 @compiled
-def store_history(state, pairs, walls, scratch, rolling):  # type: ignore[no-untyped-def]
+def store_history(state, pairs, touching, walls, scratch, rolling):  # type: ignore[no-untyped-def]
     """Set the histories of touching contacts aside; False if there is no room."""
-    step = state.counts[STEP]
-    count = 0
-    for p in range(state.counts[PAIRS]):
-        if pairs.touched[p] == step:
-            if count == scratch.raw.shape[0]:
-                return False
-            scratch.raw[count, 0], scratch.raw[count, 1] = pairs.first[p], pairs.other[p]
-            for c in range(3):
-                scratch.raw_kept[count, c] = pairs.force[p, c]
-                scratch.raw_kept[count, 3 + c] = pairs.moment[p, c] if rolling else 0.0
-            count += 1
+    side, count = state.counts[SIDE], state.counts[TOUCHING]
+    if count > scratch.raw.shape[0]:
+        return False
+    for c in range(count):
+        p = touching.pair[side, c]
+        scratch.raw[c, 0], scratch.raw[c, 1] = pairs.first[p], pairs.other[p]
+        for d in range(3):
+            scratch.raw_kept[c, d] = touching.force[side, c, d]
+            scratch.raw_kept[c, 3 + d] = touching.moment[side, c, d] if rolling else 0.0
     kept = 0
     for e in range(state.counts[ENTRIES]):
         if walls.touching[e] > 0:
@@ -134,8 +166,10 @@ def store_history(state, pairs, walls, scratch, rolling):  # type: ignore[no-unt
 def sort_history(scratch, spheres):  # type: ignore[no-untyped-def]
     """Sort the kept histories by the lower of their two sphere rows."""
     start = scratch.kept_start
-    for i in range(spheres + 1):
-        start[i] = 0
+    low, high = scratch.kept_low, scratch.kept_high
+    start[spheres] = 0
+    for i in range(spheres):
+        start[i] = low[i] = high[i] = 0
     count = scratch.kept_counts[0]
     for c in range(count):
         i, j = scratch.raw[c, 0], scratch.raw[c, 1]
@@ -143,6 +177,7 @@ def sort_history(scratch, spheres):  # type: ignore[no-untyped-def]
             scratch.raw[c, 0], scratch.raw[c, 1] = j, i
             for d in range(6):
                 scratch.raw_kept[c, d] = -scratch.raw_kept[c, d]
+        low[min(i, j)] = high[max(i, j)] = 1
         start[min(i, j) + 1] += np.uint64(1)
     for i in range(spheres):
         start[i + 1] += start[i]
@@ -159,58 +194,63 @@ def sort_history(scratch, spheres):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def set_skins(state, reach, per_grain):  # type: ignore[no-untyped-def]
+def set_skins(state, reach, per_grain, time):  # type: ignore[no-untyped-def]
     """Note where all spheres and bodies are, and how far each may go."""
-    place, listed = state.spheres.place, state.spheres.listed
+    place, listed, drift = state.spheres.place, state.spheres.listed, state.drift
     kin = state.bodies.kinematics
-    for g in range(state.counts[GRAINS]):
-        for i in range(g * per_grain, (g + 1) * per_grain):
+    drift[3] = time
+    for g in range(np.uint64(state.counts[GRAINS])):
+        ux, uy, uz = kin[g, 3] - drift[0], kin[g, 4] - drift[1], kin[g, 5] - drift[2]
+        for i in range(g * np.uint64(per_grain), (g + np.uint64(1)) * np.uint64(per_grain)):
             bx, by, bz = place[i, 0] - kin[g, 0], place[i, 1] - kin[g, 1], place[i, 2] - kin[g, 2]
-            vx = kin[g, 3] + kin[g, 7] * bz - kin[g, 8] * by
-            vy = kin[g, 4] + kin[g, 8] * bx - kin[g, 6] * bz
-            vz = kin[g, 5] + kin[g, 6] * by - kin[g, 7] * bx
+            vx = ux + kin[g, 7] * bz - kin[g, 8] * by
+            vy = uy + kin[g, 8] * bx - kin[g, 6] * bz
+            vz = uz + kin[g, 6] * by - kin[g, 7] * bx
             way = reach.ahead * math.sqrt(vx * vx + vy * vy + vz * vz)
             skin = min(reach.most, reach.least + way)
             listed[i, 0], listed[i, 1], listed[i, 2] = place[i, 0], place[i, 1], place[i, 2]
             listed[i, 3] = skin * skin
     moving = state.moving
     for b in range(moving.place.shape[0]):
-        speed = math.sqrt(
-            moving.velocity[b, 0] ** 2 + moving.velocity[b, 1] ** 2 + moving.velocity[b, 2] ** 2
-        )
-        spin = math.sqrt(moving.spin[b, 0] ** 2 + moving.spin[b, 1] ** 2 + moving.spin[b, 2] ** 2)
-        way = reach.ahead * (speed + spin * moving.reach[b])
-        moving.listed[b, 4] = 0.0 if b == 0 else min(reach.most, reach.least + way)
+        speed = spin = 0.0
         for c in range(3):
+            speed += (moving.velocity[b, c] - drift[c]) ** 2
+            spin += moving.spin[b, c] ** 2
             moving.listed[b, c] = moving.place[b, c]
+        way = reach.ahead * (math.sqrt(speed) + math.sqrt(spin) * moving.reach[b])
         moving.listed[b, 3] = moving.angle[b]
+        moving.listed[b, 4] = min(reach.most, way + (reach.least if way > 0.0 else 0.0))
 
 
 @compiled
-def walls_are_stale(moving):  # type: ignore[no-untyped-def]
+def walls_are_stale(moving, drift, time):  # type: ignore[no-untyped-def]
     """Whether a body has moved further than its skin."""
-    for b in range(1, moving.place.shape[0]):
-        if moved_since_listed(moving, b) > moving.listed[b, 4]:
+    for b in range(moving.place.shape[0]):
+        if moved_since_listed(moving, b, drift, time) > moving.listed[b, 4]:
             return True
     return False
 
 
 @compiled
-def list_pairs(state, pairs, scratch, reach, rolling, per_grain):  # type: ignore[no-untyped-def]
+def list_pairs(state, pairs, touching, scratch, reach, rolling, per_grain):  # type: ignore[no-untyped-def]
     """Make the pair list; False if there is no room."""
     place, listed = state.spheres.place, state.spheres.listed
     spheres = state.counts[GRAINS] * per_grain
     table, near, row, owner = scratch.table, scratch.sorted, scratch.sphere, scratch.owner
     buckets = table.shape[0] - 1
-    nx, ny, nz = table_shape(buckets)
-    inverse = 1.0 / (2.0 * (reach.radius + reach.most))
+    bucket_x, bucket_y, bucket_z = scratch.bucket_x, scratch.bucket_y, scratch.bucket_z
+    mask_x, mask_y, mask_z = len(bucket_x) - 1, len(bucket_y) - 1, len(bucket_z) - 1
+    widest = 0.0
+    for i in range(spheres):
+        widest = max(widest, listed[i, 3])
+    inverse = 1.0 / (2.0 * (1.0 + SLACK) * (reach.radius + math.sqrt(widest)))
     for b in range(buckets + 1):
         table[b] = 0
     for i in range(spheres):
-        x = int(math.floor(place[i, 0] * inverse)) & (nx - 1)
-        y = int(math.floor(place[i, 1] * inverse)) & (ny - 1)
-        z = int(math.floor(place[i, 2] * inverse)) & (nz - 1)
-        b = (z * ny + y) * nx + x
+        x = int(math.floor(place[i, 0] * inverse)) & mask_x
+        y = int(math.floor(place[i, 1] * inverse)) & mask_y
+        z = int(math.floor(place[i, 2] * inverse)) & mask_z
+        b = bucket_x[x] + bucket_y[y] + bucket_z[z]
         scratch.bucket[i] = b
         table[b + 1] += 1
     for b in range(buckets):
@@ -229,34 +269,36 @@ def list_pairs(state, pairs, scratch, reach, rolling, per_grain):  # type: ignor
     for b in range(buckets):
         if table[b] == table[b + 1]:
             continue
-        total = collect(scratch, b, nx, ny, nz)
+        i = row[table[b]]
+        x = int(math.floor(place[i, 0] * inverse))
+        y = int(math.floor(place[i, 1] * inverse))
+        z = int(math.floor(place[i, 2] * inverse))
+        total = collect(scratch, x, y, z)
         here = table[b + 1] - table[b]
         if count + here * total > pairs.other.shape[0]:
             return False
         for p in range(here):
             count = match(scratch, np.uint64(p), np.uint64(total), pairs, np.uint64(count))
     state.counts[PAIRS] = count
-    recall_pairs(state, pairs, scratch, rolling)
+    recall_pairs(state, pairs, touching, scratch, rolling)
     state.counts[STALE] = 0
     return True
 
 
 @inlined
-def collect(scratch, b, nx, ny, nz):  # type: ignore[no-untyped-def]
-    """Copy the spheres of bucket b, then those of half of its neighbours; their number."""
+def collect(scratch, x, y, z):  # type: ignore[no-untyped-def]
+    """Copy the spheres of cell (x, y, z), then those of half of its neighbours; their number."""
     table, one = scratch.table, np.uint64(1)
-    x, y, z = b % nx, (b // nx) % ny, b // (nx * ny)
+    bucket_x, bucket_y, bucket_z = scratch.bucket_x, scratch.bucket_y, scratch.bucket_z
+    mask_x, mask_y, mask_z = len(bucket_x) - 1, len(bucket_y) - 1, len(bucket_z) - 1
     total = np.uint64(0)
     for line in range(5):  # the rest of this row of cells, and four whole rows
-        if line == 0:
-            base, low = b - x, 0
-        elif line == 1:
-            base, low = (z * ny + ((y + 1) & (ny - 1))) * nx, -1
-        else:
-            base, low = (((z + 1) & (nz - 1)) * ny + ((y + line - 3) & (ny - 1))) * nx, -1
-        for part in range(low, 2):
-            cell = base + ((x + part) & (nx - 1))
-            for q in range(np.uint64(table[cell]), np.uint64(table[cell + 1])):
+        dy = 0 if line == 0 else 1 if line == 1 else line - 3
+        dz = 0 if line < 2 else 1
+        base = bucket_y[(y + dy) & mask_y] + bucket_z[(z + dz) & mask_z]
+        for dx in range(0 if line == 0 else -1, 2):
+            b = base + bucket_x[(x + dx) & mask_x]
+            for q in range(np.uint64(table[b]), np.uint64(table[b + 1])):
                 scratch.near_x[total] = scratch.sorted[q, 0]
                 scratch.near_y[total] = scratch.sorted[q, 1]
                 scratch.near_z[total] = scratch.sorted[q, 2]
@@ -270,7 +312,13 @@ def collect(scratch, b, nx, ny, nz):  # type: ignore[no-untyped-def]
 @inlined
 def match(scratch, p, total, pairs, count):  # type: ignore[no-untyped-def]
     """List the pairs of candidate p with those behind it; how long the list is then."""
-    x, y, z, r, close = scratch.near_x, scratch.near_y, scratch.near_z, scratch.near_r, scratch.close
+    x, y, z, r, close = (
+        scratch.near_x,
+        scratch.near_y,
+        scratch.near_z,
+        scratch.near_r,
+        scratch.close,
+    )
     owner, row = scratch.near_owner, scratch.near_row
     first, other = pairs.first, pairs.other
     one = np.uint64(1)
@@ -288,32 +336,23 @@ def match(scratch, p, total, pairs, count):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def table_shape(buckets):  # type: ignore[no-untyped-def]
-    """Powers of two whose product is `buckets`: cells along x, y and z before numbers repeat."""
-    bits = 0
-    while (1 << bits) < buckets:
-        bits += 1
-    bits_x = (bits + 2) // 3
-    bits_y = (bits - bits_x) // 2
-    return 1 << bits_x, 1 << bits_y, 1 << (bits - bits_x - bits_y)
-
-
-@compiled
-def recall_pairs(state, pairs, scratch, rolling):  # type: ignore[no-untyped-def]
+def recall_pairs(state, pairs, touching, scratch, rolling):  # type: ignore[no-untyped-def]
     """Give the pairs of the new list the histories that were set aside."""
-    last = state.counts[STEP]
+    one, side, count = np.uint64(1), state.counts[SIDE], np.uint64(0)
     for p in range(np.uint64(state.counts[PAIRS])):
         i, j = pairs.first[p], pairs.other[p]
-        a, c = min(i, j), max(i, j)
-        pairs.touched[p] = -1
-        for q in range(scratch.kept_start[a], scratch.kept_start[np.uint64(a) + np.uint64(1)]):
-            if scratch.kept_other[q] == c:
-                sign = 1.0 if i < j else -1.0
-                pairs.touched[p] = last
-                for d in range(3):
-                    pairs.force[p, d] = sign * scratch.kept[q, d]
-                    if rolling:
-                        pairs.moment[p, d] = sign * scratch.kept[q, 3 + d]
+        low, high = min(i, j), max(i, j)
+        if scratch.kept_low[low] & scratch.kept_high[high]:
+            for q in range(scratch.kept_start[low], scratch.kept_start[np.uint64(low) + one]):
+                if scratch.kept_other[q] == high:
+                    sign = 1.0 if i < j else -1.0
+                    touching.pair[side, count] = p
+                    for d in range(3):
+                        touching.force[side, count, d] = sign * scratch.kept[q, d]
+                        if rolling:
+                            touching.moment[side, count, d] = sign * scratch.kept[q, 3 + d]
+                    count += one
+    state.counts[TOUCHING] = count
 
 
 @compiled
@@ -331,7 +370,9 @@ def list_walls(state, walls, surface, grid, scratch, reach, per_grain):  # type:
             cy = math.floor((y - grid.low[b, 1]) / grid.cell[b])
             cz = math.floor((z - grid.low[b, 2]) / grid.cell[b])
             if not (
-                0 <= cx < grid.shape[b, 0] and 0 <= cy < grid.shape[b, 1] and 0 <= cz < grid.shape[b, 2]
+                0 <= cx < grid.shape[b, 0]
+                and 0 <= cy < grid.shape[b, 1]
+                and 0 <= cz < grid.shape[b, 2]
             ):
                 continue
             cell = grid.first_cell[b] + (int(cx) * grid.shape[b, 1] + int(cy)) * grid.shape[b, 2]

@@ -6,104 +6,122 @@ import numpy as np
 
 from fidelity.dem.compiled import compiled
 from fidelity.dem.law import contact_force, slide, turn_into_plane
-from fidelity.dem.state import CONTACT_DAMPING, ELASTIC, OVERLAP, PAIRS, SLIP, STEP
+from fidelity.dem.state import CONTACT_DAMPING, ELASTIC, OVERLAP, PAIRS, SIDE, SLIP, TOUCHING
+
+BLOCK = 2048  # pairs
 
 
 @compiled
-def pair_forces(state, pairs, law, pair, dt, measure, near):  # type: ignore[no-untyped-def]
+def pair_forces(state, pairs, touching, law, pair, dt, measure):  # type: ignore[no-untyped-def]
     """Add the forces and torques between all touching spheres of different grains.
 
     Args:
-        state, pairs: see `state`; loads and histories are changed.
+        state, pairs, touching: see `state`; loads and histories are changed.
         law, pair: see `law`.
         dt: [s].
         measure: whether to sum the elastic energy in `budget`, too.
-        near: (p,) scratch.
     """
     bodies, place, owner = state.bodies, state.spheres.place, state.spheres.owner
     kin, load = bodies.kinematics, bodies.load
-    first, other, touched, force = pairs.first, pairs.other, pairs.touched, pairs.force
-    step = state.counts[STEP]
+    first, other = pairs.first, pairs.other
     slipped = damping = elastic = deepest = 0.0
+    close, listed = pairs.close, np.uint64(state.counts[PAIRS])
+    one, side = np.uint64(1), np.uint64(state.counts[SIDE])
+    new, old_pair = touching.pair[one - side], touching.pair[side]
+    force, old_force = touching.force[one - side], touching.force[side]
+    moment, old_moment = touching.moment[one - side], touching.moment[side]
+    o, o_end = np.uint64(0), np.uint64(state.counts[TOUCHING])
     count = np.uint64(0)
-    for p in range(np.uint64(state.counts[PAIRS])):  # without a branch: nobody can guess which ones touch
-        i, j = first[p], other[p]
-        dx, dy, dz = place[i, 0] - place[j, 0], place[i, 1] - place[j, 1], place[i, 2] - place[j, 2]
-        both = place[i, 3] + place[j, 3]
-        near[count] = p
-        count += np.uint64(dx * dx + dy * dy + dz * dz < both * both)
-    for q in range(count):
-        p = near[q]
-        i, j = first[p], other[p]
-        g, h = owner[i], owner[j]
-        xi, yi, zi, ri, rj = place[i, 0], place[i, 1], place[i, 2], place[i, 3], place[j, 3]
-        nx, ny, nz = xi - place[j, 0], yi - place[j, 1], zi - place[j, 2]
-        distance = math.sqrt(nx * nx + ny * ny + nz * nz)
-        inverse = 1.0 / max(distance, 1e-30)
-        nx, ny, nz = nx * inverse, ny * inverse, nz * inverse
-        overlap = ri + rj - distance
-        deepest = max(deepest, overlap)
-        arm = ri - 0.5 * overlap
-        cx, cy, cz = xi - arm * nx, yi - arm * ny, zi - arm * nz
-        ax, ay, az = cx - kin[g, 0], cy - kin[g, 1], cz - kin[g, 2]
-        bx, by, bz = cx - kin[h, 0], cy - kin[h, 1], cz - kin[h, 2]
-        wx, wy, wz = kin[g, 6], kin[g, 7], kin[g, 8]
-        ox, oy, oz = kin[h, 6], kin[h, 7], kin[h, 8]
-        ux = kin[g, 3] + wy * az - wz * ay - kin[h, 3] - oy * bz + oz * by
-        uy = kin[g, 4] + wz * ax - wx * az - kin[h, 4] - oz * bx + ox * bz
-        uz = kin[g, 5] + wx * ay - wy * ax - kin[h, 5] - ox * by + oy * bx
-        sx = sy = sz = 0.0
-        old = touched[p] == step - 1
-        if old:
-            sx, sy, sz = force[p, 0], force[p, 1], force[p, 2]
-        touched[p] = step
-        twist = 0.5 * dt * ((wx + ox) * nx + (wy + oy) * ny + (wz + oz) * nz)
-        inverse_mass = 1.0
-        if law.zeta > 0.0:
-            inverse_mass = inverse_contact_mass(
-                bodies, g, ax, ay, az, nx, ny, nz
-            ) + inverse_contact_mass(bodies, h, bx, by, bz, nx, ny, nz)
-        radius = ri * rj / (ri + rj)
-        fx, fy, fz, sx, sy, sz, press, kn, kt, slip, damped = contact_force(
-            law, pair, radius, 1.0, overlap, nx, ny, nz, ux, uy, uz, sx, sy, sz,
-            twist, inverse_mass, dt,
-        )  # fmt: skip
-        force[p, 0], force[p, 1], force[p, 2] = sx, sy, sz
-        slipped += slip
-        damping += damped
-        if measure:
-            elastic += stored(law.hertz, kn, kt, overlap, sx, sy, sz)
-            if law.adhesion > 0.0:
-                elastic -= 2.0 * math.pi * law.adhesion * radius * overlap
-        tx, ty, tz = ay * fz - az * fy, az * fx - ax * fz, ax * fy - ay * fx
-        qx, qy, qz = by * fz - bz * fy, bz * fx - bx * fz, bx * fy - by * fx
-        if law.rolling > 0.0:
-            moment = pairs.moment
-            mx = my = mz = 0.0
+    block, end = np.uint64(0), np.uint64(0)
+    while end < listed:
+        # Part by part, so that the second look at a sphere finds it in the cache.
+        block, end = end, min(listed, end + np.uint64(BLOCK))
+        # Without a branch, as nobody can guess which ones touch; in two loops, as the first is
+        # done several at a time.
+        for p in range(block, end):
+            i, j = first[p], other[p]
+            dx = place[i, 0] - place[j, 0]
+            dy = place[i, 1] - place[j, 1]
+            dz = place[i, 2] - place[j, 2]
+            both = place[i, 3] + place[j, 3]
+            close[p] = dx * dx + dy * dy + dz * dz < both * both
+        q_begin = count
+        for p in range(block, end):
+            new[count] = p
+            count += close[p]
+        for q in range(q_begin, count):
+            p = new[q]
+            while o < o_end and old_pair[o] < p:
+                o += one
+            old = o < o_end and old_pair[o] == p
+            i, j = first[p], other[p]
+            g, h = owner[i], owner[j]
+            xi, yi, zi, ri, rj = place[i, 0], place[i, 1], place[i, 2], place[i, 3], place[j, 3]
+            nx, ny, nz = xi - place[j, 0], yi - place[j, 1], zi - place[j, 2]
+            distance = math.sqrt(nx * nx + ny * ny + nz * nz)
+            inverse = 1.0 / max(distance, 1e-30)
+            nx, ny, nz = nx * inverse, ny * inverse, nz * inverse
+            overlap = ri + rj - distance
+            deepest = max(deepest, overlap)
+            arm = ri - 0.5 * overlap
+            cx, cy, cz = xi - arm * nx, yi - arm * ny, zi - arm * nz
+            ax, ay, az = cx - kin[g, 0], cy - kin[g, 1], cz - kin[g, 2]
+            bx, by, bz = cx - kin[h, 0], cy - kin[h, 1], cz - kin[h, 2]
+            wx, wy, wz = kin[g, 6], kin[g, 7], kin[g, 8]
+            ox, oy, oz = kin[h, 6], kin[h, 7], kin[h, 8]
+            ux = kin[g, 3] + wy * az - wz * ay - kin[h, 3] - oy * bz + oz * by
+            uy = kin[g, 4] + wz * ax - wx * az - kin[h, 4] - oz * bx + ox * bz
+            uz = kin[g, 5] + wx * ay - wy * ax - kin[h, 5] - ox * by + oy * bx
+            sx = sy = sz = 0.0
             if old:
-                mx, my, mz = moment[p, 0], moment[p, 1], moment[p, 2]
-            mx, my, mz, slip, kr = rolling_moment(
-                law.rolling, radius, press, kt, nx, ny, nz,
-                wx - ox, wy - oy, wz - oz, mx, my, mz, twist, dt,
+                sx, sy, sz = old_force[o, 0], old_force[o, 1], old_force[o, 2]
+            twist = 0.5 * dt * ((wx + ox) * nx + (wy + oy) * ny + (wz + oz) * nz)
+            inverse_mass = 1.0
+            if law.zeta > 0.0:
+                inverse_mass = inverse_contact_mass(
+                    bodies, g, ax, ay, az, nx, ny, nz
+                ) + inverse_contact_mass(bodies, h, bx, by, bz, nx, ny, nz)
+            radius = ri * rj / (ri + rj)
+            fx, fy, fz, sx, sy, sz, press, kn, kt, slip, damped = contact_force(
+                law, pair, radius, 1.0, overlap, nx, ny, nz, ux, uy, uz, sx, sy, sz,
+                twist, inverse_mass, dt,
             )  # fmt: skip
-            moment[p, 0], moment[p, 1], moment[p, 2] = mx, my, mz
+            force[q, 0], force[q, 1], force[q, 2] = sx, sy, sz
             slipped += slip
-            if measure and kr > 0.0:
-                elastic += 0.5 * (mx * mx + my * my + mz * mz) / kr
-            tx, ty, tz = tx + mx, ty + my, tz + mz
-            qx, qy, qz = qx + mx, qy + my, qz + mz
-        load[g, 0] += fx
-        load[g, 1] += fy
-        load[g, 2] += fz
-        load[g, 3] += tx
-        load[g, 4] += ty
-        load[g, 5] += tz
-        load[h, 0] -= fx
-        load[h, 1] -= fy
-        load[h, 2] -= fz
-        load[h, 3] -= qx
-        load[h, 4] -= qy
-        load[h, 5] -= qz
+            damping += damped
+            if measure:
+                elastic += stored(law.hertz, kn, kt, overlap, sx, sy, sz)
+                if law.adhesion > 0.0:
+                    elastic -= 2.0 * math.pi * law.adhesion * radius * overlap
+            tx, ty, tz = ay * fz - az * fy, az * fx - ax * fz, ax * fy - ay * fx
+            qx, qy, qz = by * fz - bz * fy, bz * fx - bx * fz, bx * fy - by * fx
+            if law.rolling > 0.0:
+                mx = my = mz = 0.0
+                if old:
+                    mx, my, mz = old_moment[o, 0], old_moment[o, 1], old_moment[o, 2]
+                mx, my, mz, slip, kr = rolling_moment(
+                    law.rolling, radius, press, kt, nx, ny, nz,
+                    wx - ox, wy - oy, wz - oz, mx, my, mz, twist, dt,
+                )  # fmt: skip
+                moment[q, 0], moment[q, 1], moment[q, 2] = mx, my, mz
+                slipped += slip
+                if measure and kr > 0.0:
+                    elastic += 0.5 * (mx * mx + my * my + mz * mz) / kr
+                tx, ty, tz = tx + mx, ty + my, tz + mz
+                qx, qy, qz = qx + mx, qy + my, qz + mz
+            load[g, 0] += fx
+            load[g, 1] += fy
+            load[g, 2] += fz
+            load[g, 3] += tx
+            load[g, 4] += ty
+            load[g, 5] += tz
+            load[h, 0] -= fx
+            load[h, 1] -= fy
+            load[h, 2] -= fz
+            load[h, 3] -= qx
+            load[h, 4] -= qy
+            load[h, 5] -= qz
+    state.counts[TOUCHING], state.counts[SIDE] = count, 1 - state.counts[SIDE]
     budget = state.budget
     budget[SLIP] += slipped
     budget[CONTACT_DAMPING] += damping
@@ -116,15 +134,12 @@ def pair_forces(state, pairs, law, pair, dt, measure, near):  # type: ignore[no-
 def inverse_contact_mass(bodies, g, ax, ay, az, nx, ny, nz):  # type: ignore[no-untyped-def]
     """1 / mass [1/kg] of grain g that resists a push along n at the arm a from its centre."""
     cx, cy, cz = ay * nz - az * ny, az * nx - ax * nz, ax * ny - ay * nx
-    turn, inertia = bodies.rotation, bodies.inertia
+    turn, inverse = bodies.rotation, bodies.inverse
     bx = turn[g, 0] * cx + turn[g, 3] * cy + turn[g, 6] * cz
     by = turn[g, 1] * cx + turn[g, 4] * cy + turn[g, 7] * cz
     bz = turn[g, 2] * cx + turn[g, 5] * cy + turn[g, 8] * cz
     return (
-        1.0 / inertia[g, 0]
-        + bx * bx / inertia[g, 1]
-        + by * by / inertia[g, 2]
-        + bz * bz / inertia[g, 3]
+        inverse[g, 0] + bx * bx * inverse[g, 1] + by * by * inverse[g, 2] + bz * bz * inverse[g, 3]
     )
 
 

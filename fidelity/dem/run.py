@@ -20,9 +20,11 @@ from fidelity.dem.state import (
     WALL_CONTACTS,
     Pairs,
     State,
+    Touching,
     WallPairs,
     new_pairs,
     new_state,
+    new_touching,
     new_wall_pairs,
 )
 from fidelity.dem.surface import Grid, Surface, bodies_of, build_grid, build_surface
@@ -45,7 +47,7 @@ SETTLED_ENERGY = 1e-3
 
 # Skins of the neighbour lists: at rest and at most [radius], and how many steps' way is added.
 # docs/engine has the times that others take.
-LEAST_SKIN, MOST_SKIN, STEPS_AHEAD = 0.15, 0.45, 12
+LEAST_SKIN, MOST_SKIN, STEPS_AHEAD = 0.15, 0.7, 10
 ROOM = 1.5  # arrays that are too short become so many times as long
 
 
@@ -54,6 +56,7 @@ class Tables(NamedTuple):
 
     state: State
     pairs: Pairs
+    touching: Touching
     walls: WallPairs
     scratch: Scratch
     stage: IntArray
@@ -105,9 +108,7 @@ def run(setup: Setup, dt: float, time_limit_s: float) -> Movement:
         if time.monotonic() - began > time_limit_s:
             timed_out = True
             watch.why = f"not ready within the time limit of {time_limit_s:g} s"
-    return _movement(
-        setup, tables, watch, spheres_moved, timed_out, time.thread_time() - cpu
-    )
+    return _movement(setup, tables, watch, spheres_moved, timed_out, time.thread_time() - cpu)
 
 
 def prepare(setup: Setup, dt: float) -> Tables:
@@ -128,7 +129,8 @@ def prepare(setup: Setup, dt: float) -> Tables:
     on_walls = [pair_of(material, w.material, physics, wall=True) for w in setup.walls]
     return Tables(
         state=state,
-        pairs=new_pairs(12 * s + 64, rolling=physics.rolling_friction > 0.0),
+        pairs=new_pairs(12 * s + 64),
+        touching=new_touching(12 * s + 64, rolling=physics.rolling_friction > 0.0),
         walls=new_wall_pairs(s + 1, 4 * s + 64),
         scratch=new_scratch(s, 3 * s + 64, s + 1),
         stage=np.zeros(1, dtype=np.int64),
@@ -158,11 +160,10 @@ def take_steps(tables: Tables, steps: int) -> Tables:
     """Take steps; the tables come back, some of them longer if they were too short."""
     while steps:
         t = tables
-        near = np.empty(len(t.pairs.other), dtype=np.uint64)
         found, keys = np.zeros((WALL_CONTACTS, 11)), np.zeros((WALL_CONTACTS, 3), dtype=np.int64)
         taken, wanted = advance(
-            t.state, t.pairs, t.walls, t.scratch, t.stage, t.surface, t.grid, t.reach, t.law,
-            t.pair, t.materials, t.shape, t.field, t.dt, steps, near, found, keys,
+            t.state, t.pairs, t.touching, t.walls, t.scratch, t.stage, t.surface, t.grid, t.reach, t.law,
+            t.pair, t.materials, t.shape, t.field, t.dt, steps, found, keys,
         )  # fmt: skip
         steps -= taken
         if wanted == DONE:
@@ -175,14 +176,12 @@ def _with_more_room(tables: Tables, wanted: int) -> Tables:
     s = len(tables.state.spheres.owner)
     if wanted == MORE_PAIRS:
         room = int(ROOM * len(tables.pairs.other)) + s
-        pairs = new_pairs(room, rolling=tables.law.rolling > 0.0)
-        return tables._replace(pairs=pairs)
+        touching = new_touching(room, rolling=tables.law.rolling > 0.0)
+        return tables._replace(pairs=new_pairs(room), touching=touching)
     if wanted == MORE_KEPT:
         scratch = tables.scratch
         room = int(ROOM * len(scratch.kept_other)) + s
-        return tables._replace(
-            scratch=new_scratch(s, room, len(scratch.wall_sphere))
-        )
+        return tables._replace(scratch=new_scratch(s, room, len(scratch.wall_sphere)))
     room = int(ROOM * len(tables.walls.triangle)) + s
     return tables._replace(walls=new_wall_pairs(len(tables.walls.sphere), room))
 

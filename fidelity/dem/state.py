@@ -14,7 +14,7 @@ from fidelity.engine import Setup
 from mfopt.arrays import Array, IntArray
 
 # Places in `counts`.
-GRAINS, STEP, STALE, LEFT, PAIRS, ENTRIES = range(6)
+GRAINS, STEP, STALE, LEFT, PAIRS, ENTRIES, TOUCHING, SIDE = range(8)
 # Places in `budget` [J]; see `energy`.
 (
     KINETIC,
@@ -44,6 +44,7 @@ class Bodies(NamedTuple):
     momentum: Array  # (n, 3) angular momentum in space [kg m2/s]
     load: Array  # (n, 6) force [N] and torque [N m] of this step
     inertia: Array  # (n, 4) mass [kg] and principal moments [kg m2]
+    inverse: Array  # (n, 4) 1 / the same
     scale: Array  # (n,) size relative to the shape
     number: IntArray  # (n,) in the setup
     left: NDArray[np.bool_]  # (n,) below the exit, to be taken out
@@ -62,9 +63,18 @@ class Pairs(NamedTuple):
 
     first: NDArray[np.uint32]  # (p,) sphere
     other: NDArray[np.uint32]  # (p,) sphere
-    touched: IntArray  # (p,) step of the last touch
-    force: Array  # (p, 3) tangential spring force on the first sphere [N]
-    moment: Array  # (p, 3) rolling moment on it [N m]; (0, 3) without rolling friction
+    close: NDArray[np.uint8]  # (p,) whether they touch now
+
+
+class Touching(NamedTuple):
+    """Pairs that touch, in the order of the pair list: those of the last step, and of this one.
+
+    There is room for every pair of the list. Row `counts[SIDE]` of each array is the last step's; the other is filled while it is read.
+    """
+
+    pair: NDArray[np.uint32]  # (2, c) place in the pair list
+    force: Array  # (2, c, 3) tangential spring force on the first sphere [N]
+    moment: Array  # (2, c, 3) rolling moment on it [N m]; (2, 1, 3) without rolling friction
 
 
 class WallPairs(NamedTuple):
@@ -111,6 +121,7 @@ class State(NamedTuple):
     exits: Exits
     counts: IntArray  # see the places above
     budget: Array
+    drift: Array  # (4,) velocity [m/s] that most grains share, and time of the lists [s]
     wall_force: Array  # (w, 3) what the grains exerted on each wall in this step [N]
 
 
@@ -132,7 +143,7 @@ def new_state(setup: Setup, moving: Moving) -> State:
         [grain.mass * scale**3, np.asarray(grain.inertia) * (scale**5)[:, None]]
     )
     in_body = np.einsum("nij,ni->nj", rotation, kinematics[:, 6:]) * inertia[:, 1:]
-    counts = np.zeros(6, dtype=np.int64)
+    counts = np.zeros(8, dtype=np.int64)
     counts[GRAINS], counts[STALE] = n, 1
     place = np.zeros((n * k, 4))
     turned = np.einsum("nij,kj->nki", rotation, grain.offsets) * scale[:, None, None]
@@ -146,6 +157,7 @@ def new_state(setup: Setup, moving: Moving) -> State:
             np.einsum("nij,nj->ni", rotation, in_body),
             np.zeros((n, 6)),
             inertia,
+            1.0 / inertia,
             scale,
             np.arange(n),
             np.zeros(n, dtype=np.bool_),
@@ -155,6 +167,7 @@ def new_state(setup: Setup, moving: Moving) -> State:
         Exits(np.full(n, np.nan), np.zeros((n, 13))),
         counts,
         np.zeros(12),
+        np.zeros(4),
         np.zeros((max(1, len(setup.walls)), 3)),
     )
 
@@ -170,14 +183,21 @@ def rotation_matrices(quaternions: Array) -> Array:
     return np.ascontiguousarray(np.moveaxis(np.array(rows), 2, 0))
 
 
-def new_pairs(capacity: int, *, rolling: bool) -> Pairs:
+def new_pairs(capacity: int) -> Pairs:
     """Empty pair list."""
     return Pairs(
         np.zeros(capacity, dtype=np.uint32),
         np.zeros(capacity, dtype=np.uint32),
-        np.full(capacity, -1, dtype=np.int64),
-        np.zeros((capacity, 3)),
-        np.zeros((capacity if rolling else 1, 3)),
+        np.zeros(capacity, dtype=np.uint8),
+    )
+
+
+def new_touching(capacity: int, *, rolling: bool) -> Touching:
+    """No contacts."""
+    return Touching(
+        np.zeros((2, capacity), dtype=np.uint32),
+        np.zeros((2, capacity, 3)),
+        np.zeros((2, capacity if rolling else 1, 3)),
     )
 
 

@@ -18,7 +18,7 @@ from fidelity.dem.law import pair_of
 from fidelity.engine import Grain, Material, Physics
 
 # Share of the stable step of a single contact. docs/engine shows what other values do.
-MARGIN = 0.3
+MARGIN = 0.2
 # Hertz contacts stiffen as they are pressed; the step holds for overlaps of this part of a radius.
 HERTZ_OVERLAP = 0.1
 

@@ -55,9 +55,7 @@ def wall_forces(state, walls, surface, law, materials, dt, measure, found, keys)
             take_over_history(walls, e, found, keys, count)
             for a in range(count):
                 budget[OVERLAP] = max(budget[OVERLAP], found[a, 3])
-                one_contact(
-                    state, law, materials, dt, measure, i, found, a, keys[a, 1], keys[a, 2]
-                )
+                one_contact(state, law, materials, dt, measure, i, found, a, keys[a, 1], keys[a, 2])
                 walls.key[e, a] = keys[a, 0]
                 for c in range(3):
                     walls.history[e, a, c] = found[a, c]

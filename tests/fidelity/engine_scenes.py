@@ -9,6 +9,7 @@ import pytest
 from fidelity.bullet import BulletEngine
 from fidelity.engine import Grain, Material, Movement, Packing, Physics, Setup, Wall, WallMotion
 from fidelity.grain import line_grain
+from fidelity.numba_engine import NumbaEngine
 from fidelity.yade import YadeEngine
 from mfopt.arrays import Array
 
@@ -18,6 +19,7 @@ DENSITY = 1400.0  # [kg/m3]
 LIMIT_S = 120.0  # wall clock, far above what any run here takes
 
 ENGINES = [
+    pytest.param(NumbaEngine(), id="numba"),
     pytest.param(BulletEngine(), id="bullet"),
     pytest.param(
         YadeEngine(),
