@@ -1,9 +1,9 @@
 """From a study's tables to a problem and a ladder: the one place that knows every engine."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, cast, get_args
 
 from pydantic import Field
 
@@ -12,11 +12,13 @@ from fidelity.command import CommandLevel
 from fidelity.dosing import dosing_problem
 from fidelity.dosing_level import DosingLevel
 from fidelity.engine import Engine
+from fidelity.numba_engine import NumbaEngine
 from fidelity.reduced import ReducedDosing
 from fidelity.settings import DemSettings, DosingSettings
 from fidelity.yade import YadeEngine
 from mfopt.arrays import frozen
 from mfopt.errors import ConfigError
+from mfopt.evaluation import Reference
 from mfopt.level import Ladder, Level
 from mfopt.problem import Problem, Variable
 from mfopt.settings import Settings, checked
@@ -25,7 +27,8 @@ from mfopt.study import ProblemSettings, Study
 SNAPSHOTS = 4  # moments of the best run that the report shows
 
 Precision = Literal["double", "longdouble", "float128"]
-DemName = Literal["yade", "bullet"]
+DemName = Literal["numba", "yade", "bullet"]
+DEM_NAMES = get_args(DemName)
 
 
 class DemLevelSettings(DemSettings):
@@ -64,6 +67,18 @@ class Assembled:
     dosing: DosingSettings | None  # None for a problem of the user's own
     described: tuple[Mapping[str, Any], ...]  # per level: engine, grains, spheres_per_grain
     versions: Mapping[str, str]  # of the engines
+    reference: Reference | None  # what the study asks for beside the ladder, and what came of it
+    reference_level: Level | None  # where best and baseline are run once more, if anywhere
+
+    @property
+    def all_levels(self) -> Ladder:
+        """The ladder, with the reference above it."""
+        return Ladder((*self.ladder, *filter(None, [self.reference_level])))
+
+    @property
+    def uses_numba(self) -> bool:
+        """Whether a run may call the compiled engine, be it only to fill the cup."""
+        return any(isinstance(level, DosingLevel) for level in self.ladder)
 
 
 def assemble(study: Study, *, where: str) -> Assembled:
@@ -88,12 +103,17 @@ def assemble(study: Study, *, where: str) -> Assembled:
         for level in levels
     )
     versions = {
-        level.engine.name: level.engine.version()
+        engine.name: engine.version()
         for level in levels
         if isinstance(level, DosingLevel)
+        for engine in (level.engine, level.filler)
     }
     described = tuple(description for _, description in made)
-    return Assembled(problem, Ladder(levels), Ladder(detailed), dosing, described, versions)
+    ladder = Ladder(levels)
+    reference, reference_level = _reference(study, ladder, f"{where}: confirm.reference")
+    return Assembled(
+        problem, ladder, Ladder(detailed), dosing, described, versions, reference, reference_level
+    )
 
 
 def _dosing(settings: ProblemSettings, where: str) -> DosingSettings | None:
@@ -138,21 +158,25 @@ def _level(
                 ReducedDosing(reduced.name, scene, reduced.grains),
                 {"engine": "reduced", "grains": reduced.grains},
             )
-        case "yade" | "bullet" | list():
+        case "numba" | "yade" | "bullet" | list():
             dem = checked(DemLevelSettings, table, where=where)
             scene = _needs_dosing(dosing, str(engine), where)
             return _dosing_level(dem, scene, where)
         case _:
             raise ConfigError(
-                f"{where}: engine = {engine!r} must be one of 'reduced', 'bullet', 'yade', "
-                "'command', or a list of 'yade' and 'bullet' in order of preference"
+                f"{where}: engine = {engine!r} must be one of 'reduced', {_listed(DEM_NAMES)}, "
+                f"'command', or a list of {_listed(DEM_NAMES)} in order of preference"
             )
 
 
 def _dosing_level(
     settings: DemLevelSettings, dosing: DosingSettings, where: str
 ) -> tuple[DosingLevel, Mapping[str, Any]]:
-    engine = _first_installed(settings, where)
+    names = settings.engine if isinstance(settings.engine, list) else [settings.engine]
+    try:
+        engine = _first_installed([_engine(name, settings.precision) for name in names])
+    except ConfigError as error:
+        raise ConfigError(f"{where}: {error}") from error
     numerics = {name: getattr(settings, name) for name in DemSettings.model_fields}
     level = DosingLevel(settings.name, dosing, DemSettings(**numerics), engine)
     return level, {
@@ -162,18 +186,66 @@ def _dosing_level(
     }
 
 
-def _first_installed(settings: DemLevelSettings, where: str) -> Engine:
-    names = settings.engine if isinstance(settings.engine, list) else [settings.engine]
+def _first_installed(engines: Sequence[Engine]) -> Engine:
     problems = []
-    for name in names:
-        engine: Engine = YadeEngine(settings.precision) if name == "yade" else BulletEngine()
+    for engine in engines:
         try:
             engine.version()
         except ConfigError as error:
             problems.append(str(error))
         else:
             return engine
-    raise ConfigError(f"{where}: {'; '.join(problems) or 'no engine is named'}")
+    raise ConfigError("; ".join(problems) or "no engine is named")
+
+
+def _reference(study: Study, ladder: Ladder, where: str) -> tuple[Reference | None, Level | None]:
+    """The top level on the engine that the study names for reference, with what to say of it."""
+    names = study.confirm.references
+    if not names:
+        return None, None
+    top = _on_grains(ladder.top, names, where)
+    precision = study.level[-1].get("precision", "double")
+    engines = [e for n in names if (e := _dem_engine(n, precision, where)).name != top.engine.name]
+    if not engines:
+        return Reference(why_not=f"the target level runs on {top.engine.name} itself"), None
+    try:
+        engine = _first_installed(engines)
+    except ConfigError as error:
+        return Reference(why_not=f"{error}; once it is there, --resume adds the run"), None
+    level = replace(top, name=f"{top.name}-{engine.name}", engine=engine)
+    if level.name in ladder.names:
+        raise ConfigError(f"{where}: its runs are called {level.name!r}; rename that level")
+    return Reference(level.name, engine.name, engine.version()), level
+
+
+def _on_grains(top: Level, names: Sequence[str], where: str) -> DosingLevel:
+    if not isinstance(top, DosingLevel):
+        raise ConfigError(
+            f"{where} = {', '.join(names)}: the target level {top.name!r} has no grains that such "
+            'an engine could move; give scene = "dosing" in [problem] and a target level on '
+            f"{_listed(DEM_NAMES)}, or leave the reference out"
+        )
+    return top
+
+
+def _dem_engine(name: str, precision: Precision, where: str) -> Engine:
+    if name not in DEM_NAMES:
+        raise ConfigError(f"{where} = {name!r} must be one of {_listed(DEM_NAMES)}")
+    return _engine(cast(DemName, name), precision)
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(map(repr, names))
+
+
+def _engine(name: DemName, precision: Precision) -> Engine:
+    match name:
+        case "numba":
+            return NumbaEngine()
+        case "yade":
+            return YadeEngine(precision)
+        case "bullet":
+            return BulletEngine()
 
 
 def _needs_dosing(dosing: DosingSettings | None, engine: str, where: str) -> DosingSettings:

@@ -1,7 +1,7 @@
 """The dosing scene as a level, on any discrete-element engine."""
 
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +9,7 @@ import numpy as np
 from fidelity.dosing import MILLI, Design, design
 from fidelity.dosing_run import dosing_setup, packing_order, raw_results, tally
 from fidelity.engine import Engine, Movement, Setup
+from fidelity.numba_engine import NumbaEngine
 from fidelity.packing import Settled, default_cache, settled_packing
 from fidelity.settings import DemSettings, DosingSettings
 from mfopt.arrays import AnyArray, Array, frozen
@@ -26,6 +27,8 @@ log = logging.getLogger(__name__)
 class DosingLevel:
     """Rice dosing simulated by `engine` with the grains and numerics of `dem`.
 
+    The portion is settled by `filler`, the same for all engines: they start from one packing.
+
     Implements `mfopt.level.Level`. Work and CPU time of an outcome are those of the dosing
     run; what a first run spent on settling its packing is in `raw` as `settling_work` and
     `settling_cpu_s`, both 0 when the packing came from the cache.
@@ -35,6 +38,7 @@ class DosingLevel:
     settings: DosingSettings
     dem: DemSettings
     engine: Engine
+    filler: Engine = field(default_factory=NumbaEngine)
     cache: Path | None = None  # directory of settled packings; None for the user's cache
     snapshots: int = 0  # number of moments at which all grains are stored
 
@@ -58,7 +62,7 @@ class DosingLevel:
         cache = default_cache() if self.cache is None else self.cache
         limit = self.dem.time_limit_s
         try:
-            settled = settled_packing(self.engine, order, cache, time_limit_s=limit)
+            settled = settled_packing(self.filler, order, cache, time_limit_s=limit)
         except SimulationError as error:
             return self._failed(x, seed, "crashed", str(error))
         setup = dosing_setup(self.settings, machine, order, settled.packing, self.snapshots)

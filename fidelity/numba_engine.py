@@ -1,19 +1,24 @@
 """The project's own engine: discrete elements compiled by Numba, in this process, on one core.
 
-Runs repeat bit for bit on one machine. `fidelity/dem` is the engine; this is its face.
+Runs repeat bit for bit on one machine. `fidelity/dem` is the engine; this is its face. It loads
+the engine at first use: that takes as long as all the rest of mfopt.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import metadata
+from typing import Any
 
-import numba
 import numpy as np
 
-from fidelity.dem.run import run
-from fidelity.dem.timestep import MARGIN, stable_timestep
-from fidelity.engine import Grain, Material, Movement, Packing, Physics, Setup
+from fidelity.engine import Grain, Material, Movement, Packing, Physics, Setup, Wall, WallMotion
 from mfopt.errors import ConfigError
 
 KERNEL = "1"  # counted up when results change
+# Share of the stable step of a single contact: in a pile many act at once. docs/engine shows what
+# other values do.
+MARGIN = 0.2
+FEW_LOOKS_S = 0.02  # [s] simulated time in which a run calls every function of the kernel
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,18 +49,22 @@ class NumbaEngine:
 
     def version(self) -> str:
         """Version of the kernel and of the compiler."""
-        return f"{KERNEL} (numba {numba.__version__})"
+        return f"{KERNEL} (numba {metadata.version('numba')})"
 
     def timestep(
         self, grain: Grain, grain_material: Material, wall_material: Material, physics: Physics
     ) -> float:
         """Time step [s]."""
+        from fidelity.dem.timestep import stable_timestep
+
         if self.fixed_timestep is not None:
             return self.fixed_timestep
         return self.margin * stable_timestep(grain, grain_material, wall_material, physics)
 
     def move(self, setup: Setup, *, time_limit_s: float) -> Movement:
         """Move the grains. A run that crashes, explodes or hangs is returned as such."""
+        from fidelity.dem.run import run
+
         smallest = scaled(setup.grain, smallest_scale(setup.packing))
         walls = [wall.material for wall in setup.walls] or [setup.grain_material]
         dt = min(
@@ -76,4 +85,56 @@ def scaled(grain: Grain, scale: float) -> Grain:
         grain.radii * scale,
         grain.mass * scale**3,
         grain.inertia * scale**5,
+    )
+
+
+def prepare(compiling: Callable[[], None] = lambda: None) -> None:
+    """Compile the kernel where that has not been done, by a run of two grains.
+
+    What is compiled is kept. Without this, workers that start together all compile it.
+
+    Args:
+        compiling: called once if there is something to compile, before the half minute it takes.
+    """
+    from numba.core.event import install_listener
+
+    with install_listener("numba:compile", _first_only(compiling)):
+        NumbaEngine().move(_two_grains(), time_limit_s=float("inf"))
+
+
+def _first_only(tell: Callable[[], None]) -> Any:
+    """A listener to Numba's events that passes on the first."""
+    from numba.core.event import Event, Listener
+
+    class First(Listener):
+        told = False
+
+        def on_start(self, event: Event) -> None:
+            if not self.told:
+                self.told = True
+                tell()
+
+        def on_end(self, event: Event) -> None:
+            pass
+
+    return First()
+
+
+def _two_grains() -> Setup:
+    """Two grains over a plate that is moved."""
+    material = Material(young_modulus=1e6, poisson_ratio=0.3, friction_angle=0.5, density=1000.0)
+    radius, mass = 1e-3, 4e-6
+    corners = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, 0.0]])
+    motion = WallMotion(np.array([0.0, 1.0]), np.zeros((2, 3)))
+    return Setup(
+        grain=Grain(np.zeros((1, 3)), np.array([radius]), mass, np.full(3, 0.4 * mass * radius**2)),
+        packing=Packing(
+            radius * np.array([[0.0, 0.0, 1.0], [1.9, 0.0, 1.0]]),
+            np.tile([1.0, 0.0, 0.0, 0.0], (2, 1)),
+        ),
+        grain_material=material,
+        walls=(Wall("plate", corners, np.array([[0, 1, 2]]), material, motion),),
+        physics=Physics(),
+        duration=FEW_LOOKS_S,
+        exit_z=-1.0,
     )

@@ -27,12 +27,17 @@ from mfopt.arrays import AnyArray, frozen
 from mfopt.errors import ConfigError, SimulationError
 from mfopt.store import read_arrays, write_arrays
 
-METHOD = 1  # counted up when packings are made differently, so that old ones are not used
+METHOD = 2  # counted up when packings are made differently, so that old ones are not used
 SETTLING_DAMPING = 0.4  # [-] numerical damping; brings the portion to rest soon
 # A portion fills the cup to the rim: 1 kg in 1279 ml is 49 % solid. Grains that settle with
 # their full friction stop at 38 %; with this friction 300 of them reach the 49 %, sooner.
 SETTLING_FRICTION = math.radians(5)  # [rad]
 LONGEST_SETTLING = 0.3  # [s] then the grains creep at a few cm/s, and are taken to be at rest
+# Stiff grains need short steps. They fall as softer ones, and are then stiffened tenfold at a time:
+# at once, the overlaps of the softer ones would throw them about.
+SOFT = 1e6  # [Pa] Young's modulus
+STIFFENING = 10.0
+RELAXATION = 0.03  # [s] after each stiffening
 FLOOR_MARGIN = 0.05  # [m] floor around the cup
 
 log = logging.getLogger(__name__)
@@ -91,7 +96,7 @@ def settled_packing(engine: Engine, order: Order, cache: Path, *, time_limit_s: 
 def digest(engine: Engine, order: Order) -> str:
     """Digest of engine, its version and the order: the packing's name in the cache."""
     program = [engine.name, repr(engine), engine.version()]  # repr: all of the engine's fields
-    method = [METHOD, SETTLING_DAMPING, SETTLING_FRICTION, LONGEST_SETTLING]
+    method = [METHOD, SETTLING_DAMPING, SETTLING_FRICTION, LONGEST_SETTLING, RELAXATION]
     what = {"method": method, "engine": program, **asdict(order)}
     text = json.dumps(what, sort_keys=True, default=_as_list)
     return hashlib.sha256(text.encode()).hexdigest()[:32]
@@ -113,24 +118,46 @@ def _settle(engine: Engine, order: Order, time_limit_s: float) -> Settled:
     # The loose layers may stand higher than the collar: while they settle the walls reach as high.
     top = float(loose.positions[:, 2].max()) + 2 * float(order.grain.radii.max())
     tall = cup_wall(order.cup, order.chordal_error, height=max(order.collar, top))
-    wall = replace(order.wall_material, friction_angle=SETTLING_FRICTION)
-    setup = Setup(
-        grain=order.grain,
-        packing=loose,
-        grain_material=replace(order.grain_material, friction_angle=SETTLING_FRICTION),
-        walls=(Wall("cup", tall.vertices, tall.triangles, wall), _floor(order.cup, wall)),
-        physics=replace(order.physics, damping=SETTLING_DAMPING),
-        duration=LONGEST_SETTLING,
-        exit_z=-FLOOR_MARGIN,
-        settle=True,
-    )
-    movement = engine.move(setup, time_limit_s=time_limit_s)
-    packing = Packing(frozen(movement.positions), frozen(movement.orientations))
-    why = movement.why if movement.status != "finished" else _flaw(order, packing)
+    wall = _slippery(order.wall_material)
+    walls = (Wall("cup", tall.vertices, tall.triangles, wall), _floor(order.cup, wall))
+    packing, cpu_s, work, why = loose, 0.0, 0.0, None
+    for modulus in moduli(order.grain_material.young_modulus):
+        material = replace(_slippery(order.grain_material), young_modulus=modulus)
+        setup = Setup(
+            grain=order.grain,
+            packing=packing,
+            grain_material=material,
+            walls=walls,
+            physics=replace(order.physics, damping=SETTLING_DAMPING),
+            duration=LONGEST_SETTLING if packing is loose else RELAXATION,
+            exit_z=-FLOOR_MARGIN,
+            settle=True,
+        )
+        movement = engine.move(setup, time_limit_s=time_limit_s)
+        packing = Packing(frozen(movement.positions), frozen(movement.orientations))
+        cpu_s += movement.cpu_s
+        work += movement.sphere_steps * engine.cost_factor
+        why = movement.why
+        if movement.status != "finished":
+            break
+    why = why or _flaw(order, packing)
     if why is not None:
         raise SimulationError(f"settling the portion in the cup failed: {why}")
-    log.info("settled %d grains in %.1f CPU seconds", order.grains, movement.cpu_s)
-    return Settled(packing, movement.cpu_s, movement.sphere_steps * engine.cost_factor)
+    log.info("settled %d grains in %.1f CPU seconds", order.grains, cpu_s)
+    return Settled(packing, cpu_s, work)
+
+
+def moduli(young_modulus: float) -> list[float]:
+    """Young's moduli [Pa] that the grains settle with, one after the other."""
+    values = [min(SOFT, young_modulus)]
+    while values[-1] < young_modulus:
+        values.append(min(STIFFENING * values[-1], young_modulus))
+    return values
+
+
+def _slippery(material: Material) -> Material:
+    """The material with the friction that it settles with."""
+    return replace(material, friction_angle=SETTLING_FRICTION)
 
 
 def _floor(cup: Cup, material: Material) -> Wall:

@@ -2,11 +2,13 @@
 
 import shutil
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from mfopt.errors import ConfigError
-from mfopt.store import create, open_run
+from mfopt.evaluation import Reference
+from mfopt.store import RunDirectory, create, open_run
 
 LEAST_DISK = 100e6  # [bytes] a run of 1000 evaluations of 1000 grains takes about half
 FIXED = ("mfopt_version", "versions", "levels")  # must not change over a resume
@@ -41,6 +43,27 @@ def begin(path: Path, study: str, header: Mapping[str, Any], *, resume: bool) ->
                 f"{path} was begun with another {key}: {_change(run.header.get(key), header[key])}"
                 "; resume with what it was begun with, or give another --directory"
             )
+
+
+def begin_reference(run: RunDirectory, now: Reference | None) -> None:
+    """Note on which engine the reference runs are made, or why they are left out.
+
+    An engine that was missing when the run began may be there when it goes on.
+
+    Raises:
+        ConfigError: if a reference run has been made already, with another version.
+    """
+    if now is None or now == run.reference:
+        return
+    made = any(e.candidate.purpose.startswith("reference") for e in run.evaluations())
+    if made and now.why_not is None:
+        raise ConfigError(
+            f"{run.path} has a reference run by another version: "
+            f"{_change(asdict(run.reference) if run.reference else None, asdict(now))}; "
+            "resume with what it was begun with, or give another --directory"
+        )
+    if not made:
+        run.add_reference(now)
 
 
 def _change(old: Any, new: Any) -> str:

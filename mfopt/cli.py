@@ -23,20 +23,19 @@ from fidelity.settings import DosingSettings
 from geometry.export import write_gltf, write_stl
 from geometry.manufacturability import manufacturability
 from mfopt.arrays import Array, frozen
-from mfopt.begin import begin
+from mfopt.begin import begin, begin_reference
 from mfopt.errors import ConfigError, MfoptError
 from mfopt.executor import Runner, dask_cluster, local_processes
 from mfopt.header import header
 from mfopt.level import Level
 from mfopt.objective import objective_named
 from mfopt.problem import Problem
-from mfopt.store import RunDirectory, full_disk_named, open_run, writing
+from mfopt.store import full_disk_named, open_run, writing
 from mfopt.study import Study, read_study
 from reports.design import DesignView
 
 if TYPE_CHECKING:
-    from reports.result import Result
-    from reports.rows import Row
+    from mfopt.progress import ProgressDisplay
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -109,7 +108,6 @@ def run(
 ) -> None:
     """Run a study, confirm its best design over fresh seeds and write the reports."""
     from mfopt.cmaes import CmaEs
-    from mfopt.progress import ProgressDisplay
     from mfopt.run import run_study
 
     study, text = read_study(study_file)
@@ -124,32 +122,55 @@ def run(
     address = study.run.scheduler
     runner = Runner(dask_cluster(address) if address else local_processes(workers))
     path = directory or Path("runs") / study.study.name
-    head = _header(study, parts, workers)
+    console = Console(quiet=quiet or as_json)
     with full_disk_named(path):
-        begin(path, text, head, resume=resume)
-        console = Console(quiet=quiet or as_json)
-        work = {level["name"]: level["work"] for level in head["levels"]}
-        display = ProgressDisplay(
-            console,
-            work=work,
-            unit=parts.problem.objective_unit,
-            confirm_work=2 * study.confirm.seeds * work[parts.ladder.top.name],
-        )
-        with writing(path), display:
+        begin(path, text, _header(study, parts, workers), resume=resume)
+        _prepare(parts, console)
+        with writing(path), _display(study, parts, console) as display:
+            into = open_run(path)
+            begin_reference(into, parts.reference)
             run_study(
                 parts.problem,
                 parts.ladder,
                 search,
                 runner,
-                open_run(path),
+                into,
                 confirm_on=parts.confirm_on,
                 confirm_seeds=study.confirm.seeds,
+                reference=parts.reference_level,
                 watch=display.watch,
             )
         _write_reports(path, parts, console)
     _print_result(path, console, as_json=as_json)
     own, simulators = display.cpu()
     console.print(f"mfopt itself took {own:.1f} s of CPU, {own / (own + simulators):.1%} of all")
+
+
+def _prepare(parts: Assembled, console: Console) -> None:
+    """Say what will be missing, and compile what all workers would else compile."""
+    if parts.reference is not None and parts.reference.why_not is not None:
+        why = parts.reference.why_not
+        console.print(f"the reference run is left out: {why}", highlight=False, soft_wrap=True)
+    if parts.uses_numba:
+        from fidelity.numba_engine import prepare
+
+        prepare(lambda: console.print("compiling the grain engine, once: about 30 s"))
+
+
+def _display(study: Study, parts: Assembled, console: Console) -> "ProgressDisplay":
+    """The progress, with the work of the confirmation planned."""
+    from mfopt.progress import ProgressDisplay
+
+    at_top = parts.ladder.top.name
+    work = {level.name: level.work(parts.problem.baseline) for level in parts.all_levels}
+    once_more = 0.0 if parts.reference_level is None else work[parts.reference_level.name]
+    return ProgressDisplay(
+        console,
+        work=work,
+        full_run=work[at_top],
+        unit=parts.problem.objective_unit,
+        confirm_work=2 * (study.confirm.seeds * work[at_top] + once_more),
+    )
 
 
 def _header(study: Study, parts: Assembled, workers: int) -> dict[str, Any]:
@@ -227,50 +248,29 @@ def _finite(value: float) -> float | None:
 
 def _print_result(path: Path, console: Console, *, as_json: bool) -> None:
     """The result in a few lines, or as JSON."""
-    run = open_run(path)
-    rows, found = _found(run)
-    answer: dict[str, Any] = {
-        "study": run.header["study"],
-        "ended": run.end,
-        "evaluations": len(rows),
-        "failed": sum(not row.finished for row in rows),
-        "work": sum(row.work for row in rows),
-        "cpu_s": sum(row.cpu_s for row in rows),
-    }
-    if found is not None:
-        names = [variable["name"] for variable in run.header["variables"]]
-        answer["level"] = found.found.level
-        answer["objective"] = found.found.value if math.isfinite(found.found.value) else None
-        answer["design"] = dict(zip(names, map(float, found.x), strict=True))
-        if found.objective is not None:
-            answer["confirmed_median"] = found.objective.median_best
-            answer["baseline_median"] = found.objective.median_baseline
-            answer["reduction_percent"] = found.objective.reduction
+    from reports.answer import answer
+
+    its = answer(open_run(path))
     if as_json:
-        typer.echo(json.dumps(answer, indent=2))
+        typer.echo(json.dumps(its, indent=2))
     else:
-        console.print(_as_table(answer))
-
-
-def _found(run: RunDirectory) -> "tuple[tuple[Row, ...], Result | None]":
-    """The evaluations of a run, and its best design so far."""
-    from reports.result import result
-    from reports.rows import read_rows
-
-    rows = read_rows(run)
-    return rows, result(rows, [level["name"] for level in run.header["levels"]])
+        console.print(_as_table(its))
 
 
 def _as_table(answer: Mapping[str, Any]) -> Table:
     table = Table(show_header=False, box=None)
     for key, value in answer.items():
-        shown = value
         if isinstance(value, dict):
-            shown = "  ".join(f"{name} {number:.4g}" for name, number in value.items())
-        elif isinstance(value, float):
-            shown = f"{value:.5g}"
-        table.add_row(key.replace("_", " "), str(shown))
+            cells = (f"{name.replace('_', ' ')} {_short(it, 4)}" for name, it in value.items())
+            shown = "  ".join(cells)
+        else:
+            shown = _short(value, 5)
+        table.add_row(key.replace("_", " "), shown)
     return table
+
+
+def _short(value: Any, digits: int) -> str:
+    return f"{value:.{digits}g}" if isinstance(value, float) else str(value)
 
 
 @_command
@@ -288,7 +288,7 @@ def evaluate(
     study, _ = read_study(study_file)
     parts = assemble(study, where=str(study_file))
     x = _design(parts.problem, settings or [], best_of)
-    chosen = parts.ladder[level or parts.ladder.top.name]
+    chosen = parts.all_levels[level or parts.ladder.top.name]
     if trace is not None:
         chosen = traced(chosen, trace)
     outcome = chosen.evaluate(x, seed=seed)
@@ -361,8 +361,10 @@ def _design(problem: Problem, settings: list[str], best_of: Path | None) -> Arra
 
 
 def _best_design(path: Path, problem: Problem) -> Array:
+    from reports.answer import found_in
+
     run = open_run(path)
-    _, found = _found(run)
+    _, found = found_in(run)
     if found is None:
         raise ConfigError(f"{path} has no finished run yet")
     names = tuple(variable["name"] for variable in run.header["variables"])
@@ -383,6 +385,13 @@ def ladder(study_file: StudyFile) -> None:
     table = Table(*columns, title=f"{study.study.name}: the ladder")
     for level, said in zip(parts.ladder, parts.described, strict=True):
         planned = sum(s.generations * s.population_size for s in stages if s.level == level.name)
+        if level.name == parts.ladder.top.name:
+            planned += 2 * study.confirm.seeds
         cells = (said["engine"], said.get("grains", "-"), f"{work[level.name]:.3g}")
         table.add_row(level.name, *map(str, cells), f"{work[level.name] / top:.3g}", str(planned))
+    if parts.reference is not None and parts.reference_level is not None:
+        name, once = parts.reference_level.name, parts.reference_level.work(parts.problem.baseline)
+        grains = str(parts.described[-1].get("grains", "-"))
+        engine = parts.reference.engine
+        table.add_row(name, engine, grains, f"{once:.3g}", f"{once / top:.3g}", "2")
     screen.print(table)

@@ -6,7 +6,9 @@ from typing import Literal
 from mfopt.arrays import Array
 from mfopt.outcome import Outcome
 
-Purpose = Literal["search", "confirm best", "confirm baseline"]
+Purpose = Literal[
+    "search", "confirm best", "confirm baseline", "reference best", "reference baseline"
+]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,6 +30,16 @@ class Evaluation:
     candidate: Candidate
     outcome: Outcome
     objective: float  # infinite if the run failed
+
+
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """The engine that best and baseline are run on once more, or why there is none."""
+
+    level: str = ""  # name of the level on that engine; empty if there is none
+    engine: str = ""
+    version: str = ""
+    why_not: str | None = None  # why the runs that the study asks for are left out
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ from types import TracebackType
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+from mfopt.evaluation import Candidate
 from mfopt.run import Progress as RunProgress
 
 
@@ -17,22 +18,29 @@ class ProgressDisplay:
 
     Args:
         console: where to draw.
-        work: predicted work of one run, by level, coarse to fine.
+        work: predicted work of one run, by level.
+        full_run: that of the target level.
         unit: of the objective.
         confirm_work: work of the confirmation after the search.
     """
 
     def __init__(
-        self, console: Console, *, work: Mapping[str, float], unit: str, confirm_work: float
+        self,
+        console: Console,
+        *,
+        work: Mapping[str, float],
+        full_run: float,
+        unit: str,
+        confirm_work: float,
     ) -> None:
         self._console, self._work = console, work
         self._unit = "" if unit == "-" else f" {unit}"
         self._confirm_work = confirm_work
-        self._full_run = list(work.values())[-1]
+        self._full_run = full_run
         self._spent = self._measured = self._simulators_cpu_s = 0.0
         self._began = time.monotonic()
         self._best: dict[str, float] = {}
-        self._generation = 0
+        self._phase_shown = ""
         columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
         self._bar = Progress(*columns, console=console, refresh_per_second=1)
         self._task = self._bar.add_task("starting", total=None)
@@ -63,18 +71,19 @@ class ProgressDisplay:
         best = min(self._best.get(candidate.level, math.inf), progress.evaluation.objective)
         self._best[candidate.level] = best
         left = self._confirm_work + sum(self._work[name] * n for name, n in progress.runs_left)
+        phase = _phase(candidate)
         words = (
-            f"{self._phase(progress)}  best {best:.4g}{self._unit}  "
+            f"{phase}  best {best:.4g}{self._unit}  "
             f"work {self._spent / self._full_run:.1f} of "
             f"{(self._spent + left) / self._full_run:.1f} full runs  {self._to_go(left)}"
         )
         self._bar.update(
             self._task, description=words, completed=self._spent, total=self._spent + left
         )
-        new = candidate.generation != self._generation
+        new = phase != self._phase_shown
         if new and not self._console.is_terminal and not progress.replayed:
             self._console.print(words, soft_wrap=True)
-        self._generation = candidate.generation
+        self._phase_shown = phase
 
     def cpu(self) -> tuple[float, float]:
         """CPU time of mfopt itself, its workers and reports, and of the simulators [s].
@@ -85,15 +94,17 @@ class ProgressDisplay:
         total = sum(usage.ru_utime + usage.ru_stime for usage in used)
         return total - self._simulators_cpu_s, self._simulators_cpu_s
 
-    def _phase(self, progress: RunProgress) -> str:
-        candidate = progress.evaluation.candidate
-        if candidate.purpose == "search":
-            return f"generation {candidate.generation} on {candidate.level}"
-        return f"confirming on {candidate.level}"
-
     def _to_go(self, left: float) -> str:
         if self._measured <= 0.0:
             return ""
         seconds = (time.monotonic() - self._began) * left / self._measured
         minutes, rest = divmod(round(seconds), 60)
         return f"about {minutes} min {rest:02d} s to go"
+
+
+def _phase(candidate: Candidate) -> str:
+    if candidate.purpose == "search":
+        return f"generation {candidate.generation} on {candidate.level}"
+    if candidate.purpose.startswith("confirm"):
+        return f"confirming on {candidate.level}"
+    return f"reference run on {candidate.level}"

@@ -1,12 +1,14 @@
 """The loop: ask, evaluate, store, tell; then confirm the best design over fresh seeds.
 
+A study may ask that best and baseline are run once more on another engine, the reference.
+
 Resuming replays the search from its seed. A candidate that the run directory already holds
 is told from there, only the others are run. A search is a pure function of its seed and of
 the values it is told, so the resumed run ends with the evaluations of an undisturbed one.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 
 import numpy as np
@@ -15,7 +17,7 @@ from mfopt.arrays import Array
 from mfopt.errors import ConfigError
 from mfopt.evaluation import Candidate, Evaluation, Purpose
 from mfopt.executor import Runner
-from mfopt.level import Ladder
+from mfopt.level import Ladder, Level
 from mfopt.objective import Objective, objective_named, value
 from mfopt.problem import Problem
 from mfopt.search import Search
@@ -74,6 +76,7 @@ def run_study(
     *,
     confirm_on: Ladder,
     confirm_seeds: int,
+    reference: Level | None = None,
     watch: Watch = lambda progress: None,
 ) -> Evaluation | None:
     """Run or resume a study until its search and the confirmation have ended.
@@ -81,6 +84,7 @@ def run_study(
     Args:
         confirm_on: ladder for the confirmation, e.g. with snapshots switched on.
         confirm_seeds: fresh seeds for the best and the baseline design.
+        reference: where both are run once more, with the first of these seeds.
 
     Returns:
         The best evaluation of the search at the highest level that has one.
@@ -103,6 +107,9 @@ def run_study(
         if best is not None and confirm_seeds:
             pairs = confirmation(problem, best.candidate.x, ladder.top.name, confirm_seeds, asked)
             _evaluate(pairs, memory, confirm_on, runner, objective, [], watch)
+            if reference is not None:
+                pair = on_reference(pairs, reference.name)
+                _evaluate(pair, memory, Ladder((reference,)), runner, objective, [], watch)
         if run.end is None:
             run.add_end(search.should_stop() or "")
     finally:
@@ -122,6 +129,19 @@ def confirmation(
     return [
         Candidate(first_index + n, x, level, CONFIRM_SEED + seed, 0, purpose)
         for n, (purpose, x, seed) in enumerate(plan)
+    ]
+
+
+def on_reference(confirmation: Sequence[Candidate], level: str) -> list[Candidate]:
+    """The confirmation of its first seed once more, on the reference level."""
+    after: dict[Purpose, Purpose] = {
+        "confirm best": "reference best",
+        "confirm baseline": "reference baseline",
+    }
+    index = confirmation[-1].index + 1
+    return [
+        replace(c, index=index + n, level=level, purpose=after[c.purpose])
+        for n, c in enumerate(c for c in confirmation if c.seed == CONFIRM_SEED)
     ]
 
 

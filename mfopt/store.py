@@ -2,7 +2,8 @@
 
     study.toml       the study as given
     run.json         format, versions, seeds, choices made at the start
-    journal.jsonl    one line per generation and evaluation, with its numbers
+    journal.jsonl    one line per generation and evaluation, with its numbers, and one on the
+                     engine of the reference runs
     outcomes/N.h5    arrays of evaluation N, if it has any
 
 Arrays are written aside, flushed and renamed before the journal line is appended and
@@ -27,7 +28,7 @@ import numpy as np
 
 from mfopt.arrays import AnyArray, frozen
 from mfopt.errors import ConfigError
-from mfopt.evaluation import Candidate, Evaluation, Generation
+from mfopt.evaluation import Candidate, Evaluation, Generation, Reference
 from mfopt.outcome import Outcome
 
 FORMAT = 1
@@ -40,6 +41,7 @@ class RunDirectory:
     path: Path
     header: Mapping[str, Any]
     generations: list[Generation] = field(default_factory=list)
+    reference: Reference | None = None  # None if the study asks for none
     end: str | None = None  # why the run ended; None while it runs or if it broke off
     _lines: list[dict[str, Any]] = field(default_factory=list)
 
@@ -100,6 +102,11 @@ class RunDirectory:
         self._append(line)
         self._lines.append(line)
 
+    def add_reference(self, reference: Reference) -> None:
+        """Say on which engine the reference runs are made; the last word counts."""
+        self._append({"kind": "reference", **asdict(reference)})
+        self.reference = reference
+
     def add_end(self, why: str) -> None:
         """Say that the run has ended, and why."""
         self._append({"kind": "end", "why": why})
@@ -155,6 +162,8 @@ def open_run(path: Path) -> RunDirectory:
                 run.generations.append(Generation(**line))
             case "evaluation":
                 run._lines.append(line)
+            case "reference":
+                run.reference = Reference(**line)
             case "end":
                 run.end = line["why"]
     return run

@@ -4,7 +4,7 @@ import tomllib
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from mfopt.errors import ConfigError
 from mfopt.objective import objective_named
@@ -56,9 +56,26 @@ class SearchSettings(Settings):
 
 
 class ConfirmSettings(Settings):
-    """Fresh seeds on which the best and the baseline design are run at the top level."""
+    """Fresh seeds on which the best and the baseline design are run at the top level.
+
+    `reference` names the engine, or several in order of preference, on which both are run once
+    more with the first of these seeds.
+    """
 
     seeds: int = Field(default=5, ge=0)
+    reference: str | list[str] | None = None
+
+    @property
+    def references(self) -> tuple[str, ...]:
+        """Names of the engines that may be the reference, the preferred one first."""
+        given = self.reference or []
+        return (given,) if isinstance(given, str) else tuple(given)
+
+    @model_validator(mode="after")
+    def _comparable(self) -> "ConfirmSettings":
+        if self.references and not self.seeds:
+            raise ValueError("reference needs a run to be compared with; set seeds to at least 1")
+        return self
 
 
 class RunSettings(Settings):

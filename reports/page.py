@@ -8,7 +8,7 @@ import numpy as np
 
 from mfopt.arrays import AnyArray, Array
 from mfopt.store import RunDirectory
-from reports import campaign, charts, pictures, tables, viewer
+from reports import campaign, charts, pictures, reference, tables, viewer
 from reports.design import Describe, DesignView
 from reports.result import Result, best_at, result, solutions, typical_first
 from reports.rows import Row, read_rows
@@ -62,7 +62,7 @@ def context(run: RunDirectory, describe: Describe) -> dict[str, Any]:
     shapes = pictures.shapes(views)
     return {
         "header": {name: facts.header[name] for name in ORIGIN},
-        "versions": facts.header.get("versions") or {},
+        "versions": _versions(run),
         "study": _study(run),
         "end": run.end,
         "state": state(run.end, facts.rows),
@@ -88,6 +88,13 @@ def _shown(best: DesignView) -> dict[str, Any]:
     }
 
 
+def _versions(run: RunDirectory) -> dict[str, str]:
+    versions = dict(run.header.get("versions") or {})
+    if run.reference is not None and run.reference.engine:
+        versions[run.reference.engine] = run.reference.version
+    return versions
+
+
 def _study(run: RunDirectory) -> str:
     return run.study_file.read_text(encoding="utf-8") if run.study_file.exists() else ""
 
@@ -107,6 +114,7 @@ def _tables(facts: Facts) -> dict[str, Any]:
         "comparison": tables.comparison_lines(its, facts.name, facts.shown) if its else [],
         "coverage": coverage,
         "confirmations": tables.confirmations(its, facts.shown, dosing=dosing) if its else [],
+        "reference": _reference(facts),
         "solutions": tables.best_solutions(header, best, facts.shown) if best else [],
         "work": tables.work(facts.stages),
         "failures": campaign.failures(facts.rows),
@@ -114,6 +122,19 @@ def _tables(facts: Facts) -> dict[str, Any]:
         "seeds": sorted({r.seed for r in facts.rows if r.purpose == "search"}),
         "dosing": dosing,
         "fresh_seeds": sorted({r.seed for r in facts.rows if r.purpose != "search"}),
+    }
+
+
+def _reference(facts: Facts) -> dict[str, Any] | None:
+    """The runs of best and baseline on another engine; None if the study asks for none."""
+    its = reference.repeated(facts.rows, facts.run.reference)
+    if its is None:
+        return None
+    top = facts.header["levels"][-1]
+    return {
+        "words": reference.words(its, top["engine"], facts.shown),
+        "columns": [its.noted.engine, top["engine"], "ratio"],
+        "lines": reference.lines(its, facts.name, facts.shown) if any(its.pairs.values()) else [],
     }
 
 

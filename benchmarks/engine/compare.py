@@ -15,6 +15,7 @@ from benchmarks.engine.statistics import (
     holm,
     permutation_p,
     relative_difference,
+    smallest_p,
 )
 from mfopt.arrays import Array, frozen
 
@@ -58,11 +59,14 @@ class Row:
     p: float
     distance: float | None  # of distribution functions, where distributions are compared
     p_family: float = math.nan  # Holm's
+    p_least: float = math.nan  # the smallest that so few runs can give, times the rows
 
     @property
-    def different(self) -> bool:
-        """Whether the test tells the engines apart at the family-wise level."""
-        return self.p_family < LEVEL
+    def verdict(self) -> str:
+        """What the test says at the family-wise level."""
+        if self.p_family < LEVEL:
+            return "different"
+        return "no difference" if self.p_least < LEVEL else "too few runs to tell"
 
 
 def samples(runs: Sequence[Run], engine: str) -> list[Sample]:
@@ -95,7 +99,10 @@ def compare(runs: Sequence[Run], reference: str, other: str) -> list[Row]:
     pairs = list(_pairs(samples(runs, reference), samples(runs, other)))
     rows = [_row(a, b) for a, b in pairs]
     family = holm([row.p for row in rows])
-    return [replace(row, p_family=p) for row, p in zip(rows, family, strict=True)]
+    return [
+        replace(row, p_family=p, p_least=min(1.0, len(rows) * smallest_p(*row.runs)))
+        for row, p in zip(rows, family, strict=True)
+    ]
 
 
 def _pairs(reference: Sequence[Sample], other: Sequence[Sample]) -> Iterator[tuple[Sample, Sample]]:
@@ -130,7 +137,7 @@ def as_mapping(row: Row) -> dict[str, Any]:
     """The row for JSON, verdicts included; what is not a number is null."""
     content = {
         **asdict(row),
-        "different": row.different,
+        "verdict": row.verdict,
         "inside": row.difference.inside(LIMIT),
     }
     return {name: _plain(value) for name, value in content.items()}
@@ -158,7 +165,7 @@ def comparison_table(rows: Sequence[Row], reference: str, other: str) -> str:
             f"| {row.failed[0]} / {row.failed[1]} | {mean[0]} | {mean[1]} "
             f"| {d.estimate:+.1%} ({d.low:+.1%} to {d.high:+.1%}){distance} "
             f"| {'yes' if d.inside(LIMIT) else 'no'} | {row.p:.2g} | {row.p_family:.2g} "
-            f"| {'different' if row.different else 'no difference'} |"
+            f"| {row.verdict} |"
         )
     return "\n".join(lines)
 

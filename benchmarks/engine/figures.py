@@ -89,7 +89,7 @@ def _strip(rows: Sequence[Row]) -> "Figure":
     panel.axvline(0.0, color=GREY, lw=0.8)
     for place, row in enumerate(rows):
         d = row.difference
-        colour = ORANGE if row.different else BLUE
+        colour = ORANGE if row.verdict == "different" else BLUE
         panel.plot([100 * d.low, 100 * d.high], [place, place], color=colour, lw=1.4)
         panel.plot([100 * d.estimate], [place], "o", color=colour, ms=4)
     labels = [f"{row.scene}: {row.quantity}, {row.grains}" for row in rows]

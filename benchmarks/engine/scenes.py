@@ -220,7 +220,8 @@ def _run_dosing(engine: Engine, engine_name: str, scene: str, grains: int, seed:
     problem = dosing_problem(settings)
     values = dict(zip(problem.names, map(float, problem.baseline), strict=True))
     values.update(DESIGNS[scene.partition(":")[2]])
-    level = DosingLevel("dosing", settings, DemSettings(grains=grains), engine)
+    # Each engine settles its own portion: the whole way to a result is compared.
+    level = DosingLevel("dosing", settings, DemSettings(grains=grains), engine, filler=engine)
     outcome = level.evaluate(np.array([values[name] for name in problem.names]), seed=seed)
     return Run(
         engine=engine_name,

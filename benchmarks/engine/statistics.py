@@ -121,6 +121,17 @@ def distribution_p(
     return p, float(np.abs(gap(given)).max())
 
 
+def smallest_p(n_reference: int, n_other: int) -> float:
+    """The smallest p-value that an exchange of so many runs can give, however far apart they are.
+
+    The split as it is always counts, and for samples of one size so does its mirror image.
+    """
+    splits = math.comb(n_reference + n_other, n_reference)
+    if splits > SPLITS:
+        return 1 / (1 + SPLITS)
+    return (2 if n_reference == n_other else 1) / splits
+
+
 def _exchange(statistic: Statistic, n_reference: int, n_other: int, seed: int) -> float:
     """Share of splits whose statistic is at least that of the split as it is."""
     total = n_reference + n_other

@@ -9,8 +9,13 @@ from typing import Any
 import numba
 
 # Reordering and fused operations, but numbers that are not finite keep their meaning: the
-# engine looks for them.
-FAST = {"contract", "arcp", "nsz", "reassoc"}
+# engine looks for them. Nothing is allocated in the kernel, so that arrays need no counting of
+# references (`_nrt`), which took half of the time.
+OPTIONS: dict[str, Any] = {
+    "fastmath": {"contract", "arcp", "nsz", "reassoc"},
+    "error_model": "numpy",
+    "_nrt": False,
+}
 
 
 def cache_directory() -> Path:
@@ -26,18 +31,19 @@ def cache_directory() -> Path:
 
 
 _DIRECTORY = str(cache_directory())
+_settings: Any = numba.config
 
 
 def compiled(function: Callable[..., Any]) -> Any:
     """Compile `function` when it is first called, and keep the result for other processes."""
-    usual = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = _DIRECTORY
+    usual = _settings.CACHE_DIR
+    _settings.CACHE_DIR = _DIRECTORY
     try:
-        return numba.njit(cache=True, fastmath=FAST, error_model="numpy", _nrt=False)(function)
+        return numba.njit(cache=True, **OPTIONS)(function)
     finally:
-        numba.config.CACHE_DIR = usual
+        _settings.CACHE_DIR = usual
 
 
 def inlined(function: Callable[..., Any]) -> Any:
     """Compile `function` into its callers."""
-    return numba.njit(fastmath=FAST, error_model="numpy", forceinline=True, _nrt=False)(function)
+    return numba.njit(forceinline=True, **OPTIONS)(function)

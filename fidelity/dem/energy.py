@@ -4,8 +4,8 @@
     + lost in slip, contact damping, numerical damping and drag
     - work of moving walls and body forces
 
-stays what it was at the start. Steps that are too long, and contacts made in the wrong place, show as
-a gain; small losses are the discretisation's.
+stays what it was at the start. Steps that are too long, and contacts made in the wrong place,
+show as a gain; small losses are the discretisation's.
 """
 
 from collections.abc import Mapping

@@ -1,23 +1,19 @@
 """Taking grains out that have left, and sorting the others by place so that neighbours are near."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from fidelity.dem import state as at
-from fidelity.dem.advance import FRESH, STORED
-from fidelity.dem.neighbours import spread, store_history
+from fidelity.dem.history import store_history
+from fidelity.dem.scratch import spread
 from fidelity.dem.state import State
+from fidelity.dem.tables import FRESH, STORED, Tables
 from mfopt.arrays import IntArray
-
-if TYPE_CHECKING:
-    from fidelity.dem.run import Tables
 
 CELL = 4.0  # [sphere radii] grains are sorted by cells of this size
 BITS = (20, 20, 20)
 
 
-def regroup(tables: "Tables") -> None:
+def regroup(tables: Tables) -> None:
     """Give every staying grain a new row; the lists are made again before the next step."""
     t, state, k = tables, tables.state, len(tables.shape)
     if t.stage[0] != FRESH or not store_history(
@@ -43,7 +39,7 @@ def _energy(state: State, rows: IntArray, gravity: float) -> float:
     """Kinetic and potential energy of some grains [J]."""
     bodies = state.bodies
     mass, x = bodies.inertia[rows, 0], bodies.kinematics[rows]
-    spin = (bodies.momentum[rows] * x[:, 6:]).sum(axis=1)
+    spin = (bodies.momentum[rows] * x[:, 6:9]).sum(axis=1)
     kinetic = 0.5 * (mass * (x[:, 3:6] ** 2).sum(axis=1) + spin)
     return float((kinetic + mass * gravity * x[:, 2]).sum())
 
@@ -65,7 +61,7 @@ def _move(state: State, order: IntArray, k: int) -> None:
     state.spheres.place[: n * k] = state.spheres.place[spheres]
 
 
-def _carry(tables: "Tables", new_row: IntArray, k: int) -> None:
+def _carry(tables: Tables, new_row: IntArray, k: int) -> None:
     """Rows of the stored histories; those of grains that were taken out are dropped."""
     kept = tables.scratch
     pairs, walls = int(kept.kept_counts[0]), int(kept.kept_counts[1])

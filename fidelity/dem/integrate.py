@@ -50,7 +50,7 @@ def integrate(state, shape, field, time, dt, kick, measure):  # type: ignore[no-
         measure: whether to sum kinetic and potential energy at `time` in `budget`.
     """
     bodies, spheres, budget = state.bodies, state.spheres, state.budget
-    kin, load, mom, inertia = bodies.kinematics, bodies.load, bodies.momentum, bodies.inertia
+    kin, mom, inertia = bodies.kinematics, bodies.momentum, bodies.inertia
     inverse = bodies.inverse
     turn, quat = bodies.rotation, bodies.quaternion
     place, listed = spheres.place, spheres.listed
@@ -67,8 +67,8 @@ def integrate(state, shape, field, time, dt, kick, measure):  # type: ignore[no-
     for g in range(np.uint64(state.counts[GRAINS])):
         mass, light = inertia[g, 0], inverse[g, 0]
         vx, vy, vz = kin[g, 3], kin[g, 4], kin[g, 5]
-        ax, ay, az = load[g, 0] * light, load[g, 1] * light, load[g, 2] * light
-        tx, ty, tz = load[g, 3], load[g, 4], load[g, 5]
+        ax, ay, az = kin[g, 9] * light, kin[g, 10] * light, kin[g, 11] * light
+        tx, ty, tz = kin[g, 12], kin[g, 13], kin[g, 14]
         weight = -field.gravity
         if field.damping > 0.0:
             if field.damp_gravity:
@@ -165,7 +165,7 @@ def integrate(state, shape, field, time, dt, kick, measure):  # type: ignore[no-
         px, py, pz = kin[g, 0] + dt * nvx, kin[g, 1] + dt * nvy, before + dt * nvz
         kin[g, 0], kin[g, 1], kin[g, 2] = px, py, pz
         for c in range(6):
-            load[g, c] = 0.0
+            kin[g, 9 + c] = 0.0
         scale = bodies.scale[g]
         first = g * np.uint64(k)
         for c in range(np.uint64(k)):

@@ -98,7 +98,7 @@ def place_bodies(moving, time, dt):  # type: ignore[no-untyped-def]
 
 @compiled
 def moved_since_listed(moving, b, drift, time):  # type: ignore[no-untyped-def]
-    """How far any point of body b may have moved, against the drift, since the lists were made [m]."""
+    """How far any point of body b may have moved against the drift since it was listed [m]."""
     passed = time - drift[3]
     dx = moving.place[b, 0] - moving.listed[b, 0] - passed * drift[0]
     dy = moving.place[b, 1] - moving.listed[b, 1] - passed * drift[1]

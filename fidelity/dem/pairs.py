@@ -22,7 +22,7 @@ def pair_forces(state, pairs, touching, law, pair, dt, measure):  # type: ignore
         measure: whether to sum the elastic energy in `budget`, too.
     """
     bodies, place, owner = state.bodies, state.spheres.place, state.spheres.owner
-    kin, load = bodies.kinematics, bodies.load
+    kin = bodies.kinematics
     first, other = pairs.first, pairs.other
     slipped = damping = elastic = deepest = 0.0
     close, listed = pairs.close, np.uint64(state.counts[PAIRS])
@@ -109,18 +109,18 @@ def pair_forces(state, pairs, touching, law, pair, dt, measure):  # type: ignore
                     elastic += 0.5 * (mx * mx + my * my + mz * mz) / kr
                 tx, ty, tz = tx + mx, ty + my, tz + mz
                 qx, qy, qz = qx + mx, qy + my, qz + mz
-            load[g, 0] += fx
-            load[g, 1] += fy
-            load[g, 2] += fz
-            load[g, 3] += tx
-            load[g, 4] += ty
-            load[g, 5] += tz
-            load[h, 0] -= fx
-            load[h, 1] -= fy
-            load[h, 2] -= fz
-            load[h, 3] -= qx
-            load[h, 4] -= qy
-            load[h, 5] -= qz
+            kin[g, 9] += fx
+            kin[g, 10] += fy
+            kin[g, 11] += fz
+            kin[g, 12] += tx
+            kin[g, 13] += ty
+            kin[g, 14] += tz
+            kin[h, 9] -= fx
+            kin[h, 10] -= fy
+            kin[h, 11] -= fz
+            kin[h, 12] -= qx
+            kin[h, 13] -= qy
+            kin[h, 14] -= qz
     state.counts[TOUCHING], state.counts[SIDE] = count, 1 - state.counts[SIDE]
     budget = state.budget
     budget[SLIP] += slipped

@@ -65,7 +65,7 @@ def hertz_restitution(zeta: float) -> float:
     c = 2.0 * zeta * math.sqrt(1.5)
 
     def force(x: float, v: float) -> float:
-        return -(x**1.5) - c * x**0.25 * v
+        return -x * math.sqrt(x) - c * math.sqrt(math.sqrt(x)) * v
 
     # Start where the elastic force is negligible: x = v t.
     x, v, h = 1e-9, 1.0, 1.0 / 2000.0
@@ -77,5 +77,5 @@ def hertz_restitution(zeta: float) -> float:
         new_x = x + h * (k1x + 2 * k2x + 2 * k3x + k4x) / 6.0
         new_v = v + h * (k1v + 2 * k2v + 2 * k3v + k4v) / 6.0
         if new_x <= 0.0 or (new_v < 0.0 and force(new_x, new_v) >= 0.0):
-            return -new_v
+            return float(-new_v)
         x, v = new_x, new_v

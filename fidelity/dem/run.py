@@ -3,33 +3,17 @@
 import math
 import time
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from fidelity.dem import energy
 from fidelity.dem import state as at
-from fidelity.dem.advance import DONE, MORE_KEPT, MORE_PAIRS, advance
-from fidelity.dem.integrate import Field
-from fidelity.dem.law import Law, Pair, law_of, pair_of
+from fidelity.dem.advance import advance
 from fidelity.dem.grouping import regroup
-from fidelity.dem.moving import new_moving
-from fidelity.dem.neighbours import Reach, Scratch, new_scratch
-from fidelity.dem.state import (
-    HISTORY,
-    WALL_CONTACTS,
-    Pairs,
-    State,
-    Touching,
-    WallPairs,
-    new_pairs,
-    new_state,
-    new_touching,
-    new_wall_pairs,
-)
-from fidelity.dem.surface import Grid, Surface, bodies_of, build_grid, build_surface
+from fidelity.dem.tables import DONE, Tables, prepare, with_more_room
 from fidelity.engine import Movement, Setup
-from mfopt.arrays import Array, IntArray
+from mfopt.arrays import Array
 
 LOOK_S = 1e-3  # [s] simulated between two looks at the grains
 LOOKS_PER_GROUPING = 5  # then grains that have left are taken out, and the others sorted by place
@@ -44,31 +28,6 @@ MAX_GAIN = 0.05
 # that lifts a grain by its smallest radius.
 SETTLED_S = 0.1
 SETTLED_ENERGY = 1e-3
-
-# Skins of the neighbour lists: at rest and at most [radius], and how many steps' way is added.
-# docs/engine has the times that others take.
-LEAST_SKIN, MOST_SKIN, STEPS_AHEAD = 0.15, 0.7, 10
-ROOM = 1.5  # arrays that are too short become so many times as long
-
-
-class Tables(NamedTuple):
-    """Everything that a step reads and changes."""
-
-    state: State
-    pairs: Pairs
-    touching: Touching
-    walls: WallPairs
-    scratch: Scratch
-    stage: IntArray
-    surface: Surface
-    grid: Grid
-    reach: Reach
-    law: Law
-    pair: Pair
-    materials: Array
-    shape: Array
-    field: Field
-    dt: float
 
 
 @dataclass
@@ -111,79 +70,15 @@ def run(setup: Setup, dt: float, time_limit_s: float) -> Movement:
     return _movement(setup, tables, watch, spheres_moved, timed_out, time.thread_time() - cpu)
 
 
-def prepare(setup: Setup, dt: float) -> Tables:
-    """Allocate everything for `setup`."""
-    motions, body = bodies_of(setup.walls)
-    surface = build_surface(setup.walls, body)
-    state = new_state(setup, new_moving(motions, surface))
-    s = len(state.spheres.owner)
-    radii = state.spheres.place[:, 3]
-    reach = Reach(
-        least=LEAST_SKIN * float(radii.min()),
-        most=MOST_SKIN * float(radii.max()),
-        ahead=STEPS_AHEAD * dt,
-        radius=float(radii.max()),
-    )
-    grain, physics = setup.grain, setup.physics
-    material = setup.grain_material
-    on_walls = [pair_of(material, w.material, physics, wall=True) for w in setup.walls]
-    return Tables(
-        state=state,
-        pairs=new_pairs(12 * s + 64),
-        touching=new_touching(12 * s + 64, rolling=physics.rolling_friction > 0.0),
-        walls=new_wall_pairs(s + 1, 4 * s + 64),
-        scratch=new_scratch(s, 3 * s + 64, s + 1),
-        stage=np.zeros(1, dtype=np.int64),
-        surface=surface,
-        grid=build_grid(surface, len(motions), reach.radius + 2 * reach.most),
-        reach=reach,
-        law=law_of(physics),
-        pair=pair_of(material, material, physics, wall=False),
-        materials=np.array(on_walls or [(0.0, 0.0, 0.0)]),
-        shape=np.column_stack([grain.offsets, grain.radii]),
-        field=Field(
-            gravity=physics.gravity,
-            damping=physics.damping,
-            damp_gravity=physics.damp_gravity or setup.settle,
-            linear_drag=physics.linear_drag,
-            quadratic_drag=physics.quadratic_drag,
-            forces=np.array(
-                [[*f.lower, *f.upper, *f.acceleration] for f in physics.body_forces]
-            ).reshape(-1, 9),
-            exit_z=setup.exit_z,
-        ),
-        dt=dt,
-    )
-
-
 def take_steps(tables: Tables, steps: int) -> Tables:
     """Take steps; the tables come back, some of them longer if they were too short."""
     while steps:
-        t = tables
-        found, keys = np.zeros((WALL_CONTACTS, 11)), np.zeros((WALL_CONTACTS, 3), dtype=np.int64)
-        taken, wanted = advance(
-            t.state, t.pairs, t.touching, t.walls, t.scratch, t.stage, t.surface, t.grid, t.reach, t.law,
-            t.pair, t.materials, t.shape, t.field, t.dt, steps, found, keys,
-        )  # fmt: skip
+        taken, wanted = advance(tables, steps)
         steps -= taken
         if wanted == DONE:
             break
-        tables = _with_more_room(tables, wanted)
+        tables = with_more_room(tables, wanted)
     return tables
-
-
-def _with_more_room(tables: Tables, wanted: int) -> Tables:
-    s = len(tables.state.spheres.owner)
-    if wanted == MORE_PAIRS:
-        room = int(ROOM * len(tables.pairs.other)) + s
-        touching = new_touching(room, rolling=tables.law.rolling > 0.0)
-        return tables._replace(pairs=new_pairs(room), touching=touching)
-    if wanted == MORE_KEPT:
-        scratch = tables.scratch
-        room = int(ROOM * len(scratch.kept_other)) + s
-        return tables._replace(scratch=new_scratch(s, room, len(scratch.wall_sphere)))
-    room = int(ROOM * len(tables.walls.triangle)) + s
-    return tables._replace(walls=new_wall_pairs(len(tables.walls.sphere), room))
 
 
 def _spheres(tables: Tables) -> int:
@@ -255,7 +150,7 @@ def _by_number(tables: Tables) -> tuple[Array, Array, Array, Array]:
     here = ~bodies.left[:n]
     number = bodies.number[:n][here]
     values = np.full((len(bodies.number), 13), np.nan)
-    values[number, :9] = bodies.kinematics[:n][here]
+    values[number, :9] = bodies.kinematics[:n, :9][here]
     values[number, 9:] = bodies.quaternion[:n][here]
     return values[:, :3], values[:, 9:], values[:, 3:6], values[:, 6:9]
 

@@ -38,11 +38,12 @@ HISTORY = 9  # of a wall contact: normal, tangential force, rolling moment
 class Bodies(NamedTuple):
     """The grains."""
 
-    kinematics: Array  # (n, 9) position [m], velocity [m/s], angular velocity [rad/s]
+    # (n, 16) position [m], velocity [m/s], angular velocity [rad/s]; force [N] and torque [N m] of
+    # this step; and one place empty, so that a row is two lines of the cache.
+    kinematics: Array
     quaternion: Array  # (n, 4) w, x, y, z: grain frame to space
     rotation: Array  # (n, 9) the same as a matrix, row by row
     momentum: Array  # (n, 3) angular momentum in space [kg m2/s]
-    load: Array  # (n, 6) force [N] and torque [N m] of this step
     inertia: Array  # (n, 4) mass [kg] and principal moments [kg m2]
     inverse: Array  # (n, 4) 1 / the same
     scale: Array  # (n,) size relative to the shape
@@ -69,7 +70,8 @@ class Pairs(NamedTuple):
 class Touching(NamedTuple):
     """Pairs that touch, in the order of the pair list: those of the last step, and of this one.
 
-    There is room for every pair of the list. Row `counts[SIDE]` of each array is the last step's; the other is filled while it is read.
+    There is room for every pair of the list. Row `counts[SIDE]` of each array is the last step's;
+    the other is filled while it is read.
     """
 
     pair: NDArray[np.uint32]  # (2, c) place in the pair list
@@ -130,19 +132,19 @@ def new_state(setup: Setup, moving: Moving) -> State:
     grain, packing = setup.grain, setup.packing
     n, k = len(packing.positions), len(grain.radii)
     scale = np.ones(n) if packing.scales is None else np.array(packing.scales, dtype=np.float64)
-    kinematics = np.zeros((n, 9))
+    kinematics = np.zeros((n, 16))
     kinematics[:, :3] = packing.positions
     if setup.velocities is not None:
         kinematics[:, 3:6] = setup.velocities
     if setup.angular_velocities is not None:
-        kinematics[:, 6:] = setup.angular_velocities
+        kinematics[:, 6:9] = setup.angular_velocities
     quaternion = np.array(packing.orientations, dtype=np.float64)
     quaternion /= np.linalg.norm(quaternion, axis=1, keepdims=True)
     rotation = rotation_matrices(quaternion)
     inertia = np.column_stack(
         [grain.mass * scale**3, np.asarray(grain.inertia) * (scale**5)[:, None]]
     )
-    in_body = np.einsum("nij,ni->nj", rotation, kinematics[:, 6:]) * inertia[:, 1:]
+    in_body = np.einsum("nij,ni->nj", rotation, kinematics[:, 6:9]) * inertia[:, 1:]
     counts = np.zeros(8, dtype=np.int64)
     counts[GRAINS], counts[STALE] = n, 1
     place = np.zeros((n * k, 4))
@@ -155,7 +157,6 @@ def new_state(setup: Setup, moving: Moving) -> State:
             quaternion,
             rotation.reshape(n, 9).copy(),
             np.einsum("nij,nj->ni", rotation, in_body),
-            np.zeros((n, 6)),
             inertia,
             1.0 / inertia,
             scale,

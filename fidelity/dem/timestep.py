@@ -1,13 +1,13 @@
 """The time step, from the stiffness of a contact and the mass that it moves.
 
-A mass m on a spring k is integrated stably up to dt = 2 sqrt(m / k). The hardest single contact of a
-grain acts on its outermost sphere, where it turns the grain, too:
+A mass m on a spring k is integrated stably up to dt = 2 sqrt(m / k). The hardest single contact of
+a grain acts on its outermost sphere, where it turns the grain, too:
 
     1 / m_contact = 1 / m + max over n of (b x n) . I^-1 (b x n),   b the sphere's centre;
 
 between two grains both give way, on a wall the stiffness is twice that between grains, so that both
 come to the same. Sliding friction acts at the surface with the tangential stiffness. In a pile many
-contacts act at once: `MARGIN` covers that.
+contacts act at once: the margin of `NumbaEngine` covers that.
 """
 
 import math
@@ -17,8 +17,6 @@ import numpy as np
 from fidelity.dem.law import pair_of
 from fidelity.engine import Grain, Material, Physics
 
-# Share of the stable step of a single contact. docs/engine shows what other values do.
-MARGIN = 0.2
 # Hertz contacts stiffen as they are pressed; the step holds for overlaps of this part of a radius.
 HERTZ_OVERLAP = 0.1
 

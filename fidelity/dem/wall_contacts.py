@@ -5,8 +5,8 @@ nearly the same normal that stand for one. They share its stiffness: contact k g
 
     w_k = d_k^4 / sum_l g(angle between k and l) d_l^4,   d the overlap,
 
-with g = 1 for normals within 15 degrees, 0 beyond 45 degrees and smooth in between. Every d and w is
-continuous in the position of the sphere, so the force is.
+with g = 1 for normals within 15 degrees, 0 beyond 45 degrees and smooth in between. Every d and w
+is continuous in the position of the sphere, so the force is.
 """
 
 import math
@@ -214,7 +214,7 @@ def take_over_history(walls, e, found, keys, count):  # type: ignore[no-untyped-
 def one_contact(state, law, materials, dt, measure, i, found, a, body, wall):  # type: ignore[no-untyped-def]
     """Force of contact `a` in `found` on the grain of sphere `i`."""
     bodies, place, moving, budget = state.bodies, state.spheres.place, state.moving, state.budget
-    kin, load = bodies.kinematics, bodies.load
+    kin = bodies.kinematics
     g = state.spheres.owner[i]
     r = place[i, 3]
     nx, ny, nz, overlap, weight = found[a, 0], found[a, 1], found[a, 2], found[a, 3], found[a, 4]
@@ -249,12 +249,12 @@ def one_contact(state, law, materials, dt, measure, i, found, a, body, wall):  #
         budget[ELASTIC] += stored(law.hertz, kn, kt, overlap, sx, sy, sz)
         if law.adhesion > 0.0:
             budget[ELASTIC] -= 2.0 * math.pi * law.adhesion * r * weight * overlap
-    load[g, 0] += fx
-    load[g, 1] += fy
-    load[g, 2] += fz
-    load[g, 3] += ay * fz - az * fy
-    load[g, 4] += az * fx - ax * fz
-    load[g, 5] += ax * fy - ay * fx
+    kin[g, 9] += fx
+    kin[g, 10] += fy
+    kin[g, 11] += fz
+    kin[g, 12] += ay * fz - az * fy
+    kin[g, 13] += az * fx - ax * fz
+    kin[g, 14] += ax * fy - ay * fx
     state.wall_force[wall, 0] -= fx
     state.wall_force[wall, 1] -= fy
     state.wall_force[wall, 2] -= fz
@@ -268,6 +268,6 @@ def one_contact(state, law, materials, dt, measure, i, found, a, body, wall):  #
         budget[WALL_WORK] += (mx * ox + my * oy + mz * oz) * dt
         if measure and kr > 0.0:
             budget[ELASTIC] += 0.5 * (mx * mx + my * my + mz * mz) / kr
-        load[g, 3] += mx
-        load[g, 4] += my
-        load[g, 5] += mz
+        kin[g, 12] += mx
+        kin[g, 13] += my
+        kin[g, 14] += mz

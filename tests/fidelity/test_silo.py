@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scene_portions import movement_to, portion_of
 
+from fidelity.numba_engine import NumbaEngine
 from fidelity.portion import largest_overlap, sphere_centres
 from fidelity.silo import SiloSettings, silo_load, silo_setup
 from geometry.mesh import Mesh, merged, open_edges
@@ -34,7 +35,7 @@ def test_the_silo_is_closed_but_at_its_top_and_holds_the_portion() -> None:
     portion = portion_of(60)
     setup = silo_setup(SiloSettings(width=0.08), portion, seed=2)
     sides, floor = setup.walls
-    box = merged([Mesh(wall.vertices, wall.triangles[:, ::1]) for wall in (sides, floor)])
+    box = merged([Mesh(wall.vertices, wall.triangles) for wall in (sides, floor)])
     rim = box.vertices[open_edges(box)][..., 2]
     assert np.all(rim == rim.max())
     centres = sphere_centres(setup.grain, setup.packing).reshape(-1, 3)
@@ -50,3 +51,13 @@ def test_forces_are_taken_at_the_end_of_one_run_without_a_break() -> None:
     assert setup.physics.damp_gravity
     assert setup.snapshot_times[0] > 0.8 * setup.duration
     assert setup.snapshot_times[-1] < setup.duration
+
+
+def test_at_rest_sides_and_floor_together_carry_the_weight() -> None:
+    portion = portion_of(60)
+    setup = silo_setup(SiloSettings(width=0.045), portion, seed=1)  # about four times as high
+    movement = NumbaEngine().move(setup, time_limit_s=120.0)
+    assert movement.status == "finished", movement.why
+    told = silo_load(portion, movement)
+    assert told.wall_share + told.floor_share == pytest.approx(1.0, abs=0.01)
+    assert 0.15 < told.wall_share < 0.75

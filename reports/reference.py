@@ -1,0 +1,172 @@
+"""Best and baseline once more on another engine: beside the target level's runs, and in words.
+
+It is one run of each, so it can contradict the result, but not prove it.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from mfopt.evaluation import Purpose, Reference
+from reports.rows import Row
+from reports.units import MISSING, Display, display, number
+
+DESIGNS: Mapping[str, tuple[Purpose, Purpose]] = {
+    "best": ("reference best", "confirm best"),
+    "baseline": ("reference baseline", "confirm baseline"),
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pair:
+    """A run on the reference engine, and those of the same design at the target level."""
+
+    there: Row
+    here: Row | None  # with the same seed
+    spread: tuple[Row, ...]  # with all fresh seeds
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Repeated:
+    """The reference runs of both designs, as far as they have been made."""
+
+    noted: Reference
+    pairs: Mapping[str, Pair | None]  # "best", "baseline"
+
+
+def repeated(rows: Sequence[Row], noted: Reference | None) -> Repeated | None:
+    """The reference runs among the evaluations of a run; None if the study asks for none."""
+    if noted is None:
+        return None
+    return Repeated(noted, {design: _pair(rows, *its) for design, its in DESIGNS.items()})
+
+
+def _pair(rows: Sequence[Row], there: Purpose, here: Purpose) -> Pair | None:
+    found = next((r for r in rows if r.purpose == there), None)
+    if found is None:
+        return None
+    spread = tuple(r for r in rows if r.purpose == here)
+    return Pair(found, next((r for r in spread if r.seed == found.seed), None), spread)
+
+
+def lines(its: Repeated, name: str, shown: Display) -> list[list[str]]:
+    """Quantity, and for both designs: on the reference engine, at the target level, ratio."""
+    made = [r for pair in its.pairs.values() if pair for r in (pair.there, pair.here) if r]
+    ms = display("s", [r.filling_time for r in made])
+    quantities = [
+        (f"{name} [{shown.unit}]", shown, [r.value for r in made], "value"),
+        (f"filling time [{ms.unit}]", ms, [r.filling_time for r in made], "filling_time"),
+        ("grains left in the cup", PLAIN, [r.left_in_cup for r in made], "left_in_cup"),
+        ("grains left in the hopper", PLAIN, [r.left_in_hopper for r in made], "left_in_hopper"),
+    ]
+    return [
+        [label, *(cell for design in DESIGNS for cell in _cells(its.pairs[design], unit, field))]
+        for label, unit, values, field in quantities
+        if not all(math.isnan(value) for value in values)
+    ]
+
+
+PLAIN = Display(1.0, MISSING)
+
+
+def _cells(pair: Pair | None, unit: Display, field: str) -> list[str]:
+    if pair is None:
+        return [MISSING] * 3
+    there = float(getattr(pair.there, field))
+    here = math.nan if pair.here is None else float(getattr(pair.here, field))
+    return [unit.text(there), unit.text(here), ratio(there, here)]
+
+
+def ratio(there: float, here: float) -> str:
+    """`there` over `here`, where that means something."""
+    whole = math.isfinite(there) and math.isfinite(here) and here > 0.0
+    return number(there / here, 3) if whole else MISSING
+
+
+def words(its: Repeated, engine: str, shown: Display) -> str:
+    """What the reference runs say.
+
+    Args:
+        its: the runs.
+        engine: of the target level.
+        shown: how values of the objective are shown.
+    """
+    if its.noted.why_not is not None:
+        return f"The reference run is left out: {its.noted.why_not}."
+    reference = f"{its.noted.engine} {its.noted.version}"
+    pairs = {design: pair for design, pair in its.pairs.items() if pair is not None}
+    if not pairs:
+        return f"The reference run on {reference} has not been made yet."
+    seed = next(iter(pairs.values())).there.seed
+    said = [
+        f"Best and baseline, each run once more on {reference} with the settings of the target "
+        f"level and seed {seed}.",
+        *(_place(design, pair, engine, shown) for design, pair in pairs.items()),
+        *_verdict(pairs, engine),
+        "A single run of each can contradict the result, but not prove it.",
+        *_chance(pairs, engine),
+    ]
+    return " ".join(said)
+
+
+def _place(design: str, pair: Pair, engine: str, shown: Display) -> str:
+    """Where the reference run lies among the confirmation runs of its design."""
+    there = pair.there
+    if not there.finished:
+        return f"The run of the {design} failed: {(there.why or there.status).splitlines()[0]}."
+    values = [r.value for r in pair.spread if r.finished]
+    if not values:
+        return f"The {design} has no finished run on {engine} to compare with."
+    low, high = min(values), max(values)
+    where = "below" if there.value < low else "above" if there.value > high else "within"
+    runs = f"its {len(values)} run{'s' * (len(values) > 1)} on {engine}"
+    text = f"The objective of the {design}, {shown.full(there.value)}, lies {where} the range of "
+    return f"{text}{runs}, {shown.text(low)} to {shown.full(high)}."
+
+
+def _verdict(pairs: Mapping[str, Pair], engine: str) -> list[str]:
+    """Whether the best design is the better one there, too."""
+    if len(pairs) < len(DESIGNS):
+        return []
+    best, base = pairs["best"], pairs["baseline"]
+    there, here = _better(best.there, base.there), _better(best.here, base.here)
+    if there is None or here is None:
+        return []
+    same = f"on {engine} with the same seed"
+    match there, here:
+        case True, True:
+            by = [_reduction(best.there, base.there), _reduction(best.here, base.here)]
+            shares = f", by {by[0]}, {same} by {by[1]}" if all(by) else ""
+            return [f"There, too, the best design is better than the baseline{shares}."]
+        case False, True:
+            return ["There the best design is not better than the baseline, against the result."]
+        case True, False:
+            return [f"There the best design is better than the baseline, {same} it is not."]
+        case _:
+            return [f"The best design is not better than the baseline there, nor {same}."]
+
+
+def _better(best: Row | None, base: Row | None) -> bool | None:
+    if best is None or base is None or not (best.finished and base.finished):
+        return None
+    return best.value < base.value
+
+
+def _reduction(best: Row | None, base: Row | None) -> str:
+    """Reduction in words; empty where a percentage means nothing."""
+    if best is None or base is None or not (base.value > 0.0 and best.value >= 0.0):
+        return ""
+    return f"{number(100.0 * (1.0 - best.value / base.value), 3)}\u202f%"
+
+
+def _chance(pairs: Mapping[str, Pair], engine: str) -> list[str]:
+    """How often a further run of one engine lies outside the range of n: in 2 of n + 1 cases."""
+    n = max(sum(r.finished for r in pair.spread) for pair in pairs.values())
+    if n < 2:
+        return []
+    share = Fraction(2, n + 1)
+    return [
+        f"Even a further run on {engine} would lie outside the range of {n} in {share.numerator} "
+        f"of {share.denominator} cases."
+    ]
