@@ -98,11 +98,11 @@ def prepare(compiling: Callable[[], None] = lambda: None) -> None:
     """
     from numba.core.event import install_listener
 
-    with install_listener("numba:compile", _first_only(compiling)):
+    with install_listener("numba:compile", first_only(compiling)):
         NumbaEngine().move(_two_grains(), time_limit_s=float("inf"))
 
 
-def _first_only(tell: Callable[[], None]) -> Any:
+def first_only(tell: Callable[[], None]) -> Any:
     """A listener to Numba's events that passes on the first."""
     from numba.core.event import Event, Listener
 

@@ -12,6 +12,7 @@ from mfopt.evaluation import Purpose, Reference
 from reports.rows import Row
 from reports.units import MISSING, Display, display, number
 
+COUNT = Display(1.0, MISSING, decimals=0)
 DESIGNS: Mapping[str, tuple[Purpose, Purpose]] = {
     "best": ("reference best", "confirm best"),
     "baseline": ("reference baseline", "confirm baseline"),
@@ -57,17 +58,14 @@ def lines(its: Repeated, name: str, shown: Display) -> list[list[str]]:
     quantities = [
         (f"{name} [{shown.unit}]", shown, [r.value for r in made], "value"),
         (f"filling time [{ms.unit}]", ms, [r.filling_time for r in made], "filling_time"),
-        ("grains left in the cup", PLAIN, [r.left_in_cup for r in made], "left_in_cup"),
-        ("grains left in the hopper", PLAIN, [r.left_in_hopper for r in made], "left_in_hopper"),
+        ("grains left in the cup", COUNT, [r.left_in_cup for r in made], "left_in_cup"),
+        ("grains left in the hopper", COUNT, [r.left_in_hopper for r in made], "left_in_hopper"),
     ]
     return [
         [label, *(cell for design in DESIGNS for cell in _cells(its.pairs[design], unit, field))]
         for label, unit, values, field in quantities
         if not all(math.isnan(value) for value in values)
     ]
-
-
-PLAIN = Display(1.0, MISSING)
 
 
 def _cells(pair: Pair | None, unit: Display, field: str) -> list[str]:
@@ -100,7 +98,7 @@ def words(its: Repeated, engine: str, shown: Display) -> str:
         return f"The reference run on {reference} has not been made yet."
     seed = next(iter(pairs.values())).there.seed
     said = [
-        f"Best and baseline, each run once more on {reference} with the settings of the target "
+        f"Best and baseline were run once more on {reference}, with the settings of the target "
         f"level and seed {seed}.",
         *(_place(design, pair, engine, shown) for design, pair in pairs.items()),
         *_verdict(pairs, engine),
@@ -112,16 +110,16 @@ def words(its: Repeated, engine: str, shown: Display) -> str:
 
 def _place(design: str, pair: Pair, engine: str, shown: Display) -> str:
     """Where the reference run lies among the confirmation runs of its design."""
-    there = pair.there
+    there, name = pair.there, f"{design} design" if design == "best" else design
     if not there.finished:
-        return f"The run of the {design} failed: {(there.why or there.status).splitlines()[0]}."
+        return f"The run of the {name} failed: {(there.why or there.status).splitlines()[0]}."
     values = [r.value for r in pair.spread if r.finished]
     if not values:
-        return f"The {design} has no finished run on {engine} to compare with."
+        return f"The {name} has no finished run on {engine} to compare with."
     low, high = min(values), max(values)
     where = "below" if there.value < low else "above" if there.value > high else "within"
     runs = f"its {len(values)} run{'s' * (len(values) > 1)} on {engine}"
-    text = f"The objective of the {design}, {shown.full(there.value)}, lies {where} the range of "
+    text = f"The objective of the {name}, {shown.full(there.value)}, lies {where} the range of "
     return f"{text}{runs}, {shown.text(low)} to {shown.full(high)}."
 
 

@@ -74,10 +74,13 @@ def test_a_wall_pushes_a_grain_at_its_own_speed_or_faster(engine: Engine) -> Non
 def test_grains_flow_out_below_a_lifted_box(engine: Engine) -> None:
     times = np.array([0.0, 0.1, 0.4])
     lift = along((0.0, 0.0, 1.0), times, np.array([0.0, 0.0, 0.12]))
+    straight = lattice(24, across=4, z=1.3 * R)
+    # Rods that lie exactly on top of each other would balance.
+    aside = np.random.default_rng(1).uniform(-0.1 * R, 0.1 * R, (24, 1)) * [0.0, 1.0, 0.0]
     setup = replace(
         setup_of(
             line_of(5),
-            lattice(24, across=4, z=1.3 * R),
+            Packing(straight.positions + aside, straight.orientations),
             box(16 * R, 12 * R, floor=False, motion=lift),
             table(-0.2, 0.2),
             duration=0.6,
@@ -91,7 +94,7 @@ def test_grains_flow_out_below_a_lifted_box(engine: Engine) -> None:
     assert (np.abs(standing[:, :2]) < footprint).all()
     # The rim is far above the grains now, and the heap that it held has spread.
     assert movement.positions[:, 2].max() < 0.06
-    assert movement.positions[:, 2].mean() < 0.8 * standing[:, 2].mean()
+    assert movement.positions[:, 2].mean() < 0.7 * standing[:, 2].mean()
     assert (movement.positions[:, 2] > 0.8 * R).all()
 
 

@@ -4,13 +4,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from campaigns import STUDY, Campaign
+from campaigns import STUDY, Campaign, new_cache
 
 
 @pytest.fixture(scope="session")
 def packings(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """One cache of packings for all campaigns."""
-    return tmp_path_factory.mktemp("cache")
+    return new_cache(tmp_path_factory.mktemp("cache"))
 
 
 @pytest.fixture

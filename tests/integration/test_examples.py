@@ -63,7 +63,7 @@ def test_own_simulator_from_the_command_line(tmp_path: Path) -> None:
 
 def test_init_writes_a_study_that_is_valid(tmp_path: Path) -> None:
     mfopt("init", tmp_path / "study.toml")
-    assert "dem-400" in mfopt("ladder", tmp_path / "study.toml")
+    assert "dem-2000" in mfopt("ladder", tmp_path / "study.toml")
 
 
 def test_geometry_writes_what_a_workshop_needs(tmp_path: Path) -> None:

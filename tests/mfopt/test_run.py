@@ -9,7 +9,7 @@ from mfopt.cmaes import CmaEs
 from mfopt.errors import ConfigError
 from mfopt.executor import Runner, one_thread
 from mfopt.function_level import FunctionLevel
-from mfopt.level import Ladder
+from mfopt.level import Ladder, Level
 from mfopt.problem import Problem, Variable
 from mfopt.run import CONFIRM_SEED, run_study
 from mfopt.search import Stage
@@ -26,10 +26,18 @@ def noisy(x: Array, seed: int) -> float:
     return float(np.sum(x**2) + np.random.default_rng(seed).normal(0.0, 0.01))
 
 
-def study(run: RunDirectory, function: Callable[[Array, int], float], seed: int = 1) -> None:
+def study(
+    run: RunDirectory,
+    function: Callable[[Array, int], float],
+    seed: int = 1,
+    reference: Level | None = None,
+) -> None:
     ladder = Ladder((FunctionLevel("coarse", function), FunctionLevel("fine", function, 10.0)))
     search = CmaEs(PROBLEM, STAGES, seed=seed)
-    run_study(PROBLEM, ladder, search, Runner(one_thread), run, confirm_on=ladder, confirm_seeds=2)
+    run_study(
+        PROBLEM, ladder, search, Runner(one_thread), run, confirm_on=ladder, confirm_seeds=2,
+        reference=reference,
+    )  # fmt: skip
 
 
 def content(path: Path) -> list[tuple[object, ...]]:
@@ -84,6 +92,48 @@ def test_broken_off_anywhere_it_resumes_to_the_undisturbed_run(
     study(open_run(tmp_path / "broken"), counting)
     assert content(tmp_path / "broken") == content(tmp_path / "whole")
     assert made == 32 - stop_after
+
+
+def test_best_and_baseline_run_once_more_on_the_reference(tmp_path: Path) -> None:
+    path = tmp_path / "run"
+    study(create(path, "", {}), noisy, reference=FunctionLevel("fine-other", noisy, 100.0))
+    *before, best, baseline = open_run(path).evaluations()
+    assert [best.candidate.index, baseline.candidate.index] == [32, 33]
+    for its, purpose, alike in (
+        (best, "reference best", before[28]), (baseline, "reference baseline", before[29]),
+    ):  # fmt: skip
+        assert (its.candidate.purpose, its.candidate.level) == (purpose, "fine-other")
+        assert its.candidate.seed == alike.candidate.seed == CONFIRM_SEED
+        np.testing.assert_array_equal(its.candidate.x, alike.candidate.x)
+        assert its.objective == alike.objective  # the same function
+
+
+@pytest.mark.parametrize("made_before", [0, 1, 2])
+def test_a_reference_is_added_to_a_run_that_has_ended(made_before: int, tmp_path: Path) -> None:
+    path, calls = tmp_path / "run", []
+
+    def counted(x: Array, seed: int) -> float:
+        calls.append(seed)
+        if len(calls) > 2:
+            raise AssertionError("a reference run was made twice")
+        return noisy(x, seed)
+
+    def failing(x: Array, seed: int) -> float:
+        if len(calls) == made_before:
+            raise KeyboardInterrupt
+        return counted(x, seed)
+
+    study(create(path, "", {}), noisy)
+    why = open_run(path).end
+    if made_before < 2:
+        with pytest.raises(KeyboardInterrupt):
+            study(open_run(path), noisy, reference=FunctionLevel("fine-other", failing))
+        assert len(open_run(path)) == 32 + made_before
+    study(open_run(path), noisy, reference=FunctionLevel("fine-other", counted))
+    study(open_run(path), noisy, reference=FunctionLevel("fine-other", counted))
+    assert len(open_run(path)) == 34
+    assert calls == [CONFIRM_SEED] * 2
+    assert open_run(path).end == why
 
 
 def test_resuming_with_another_search_is_refused(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mfopt.arrays import AnyArray, Array, frozen
-from mfopt.evaluation import Candidate, Evaluation, Generation
+from mfopt.evaluation import Candidate, Evaluation, Generation, Purpose, Reference
 from mfopt.objective import dispersion, value
 from mfopt.outcome import Outcome
 from mfopt.store import RunDirectory, create, open_run
@@ -31,6 +31,7 @@ LOWER = np.array([v[1] for v in VARIABLES])
 UPPER = np.array([v[2] for v in VARIABLES])
 LEVELS = [("reduced", 0, 2e5), ("bullet-300", 300, 6e7), ("yade-1000", 1000, 9e8)]
 PLAN = [("reduced", 12, 24), ("bullet-300", 10, 12), ("yade-1000", 6, 10)]
+REFERENCE = Reference("yade-1000-longdouble", "longdouble", "2022.01a")
 STROKE, PERIOD, DROP = 0.4, 0.6, 0.56  # [m], [s], [m]
 
 
@@ -140,6 +141,16 @@ def fill(run: RunDirectory, *, generations: int, confirm: bool) -> None:
             raw = dosing_raw(x, 1000, rng) | snapshots(1000, rng)
             add(run, c, Outcome(c.x, c.level, seed, "finished", None, raw, 9e8, 300.0))
             index += 1
+    run.add_reference(REFERENCE)
+    repeats: list[tuple[Purpose, Array]] = [
+        ("reference best", best.candidate.x),
+        ("reference baseline", BASELINE),
+    ]
+    for purpose, x in repeats:
+        c = Candidate(index, frozen(x), REFERENCE.level, 1001, 0, purpose)
+        raw = dosing_raw(x, 1000, rng)
+        add(run, c, Outcome(c.x, c.level, 1001, "finished", None, raw, 3e10, 9000.0))
+        index += 1
 
 
 def ring(length: float, width: float, radius: float, shift: float, z: float) -> Array:

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from mfopt.arrays import Array
+from mfopt.evaluation import Reference
 from mfopt.store import RunDirectory
 from reports import DesignView, write_report
 
@@ -57,7 +58,7 @@ def test_html_says_what_was_asked(report: tuple[Path, Path]) -> None:
         "fresh seeds", "below the baseline", "filling time", "physical lower bound",
         "93.8 %", "Best solutions", "Work and CPU time", "energy grew past 10 J",
         "y1 and y2 exchanged", "2023.02a", "1001, 1002", "not developable",
-        "typical of generation 1",
+        "typical of generation 1", "once more on longdouble 2022.01a",
     ):  # fmt: skip
         assert phrase in text, phrase
     assert "has not ended" not in text
@@ -118,6 +119,17 @@ def test_broken_off_run_shows_what_there_is(
     assert "fresh seeds have not confirmed it" in text
     assert "Progress of the search" in text
     assert pdf.read_bytes().startswith(b"%PDF")
+
+
+def test_a_reference_run_that_is_left_out_is_told_with_the_remedy(
+    make_run: Callable[..., RunDirectory], machine: Machine, tmp_path: Path
+) -> None:
+    run = make_run(generations=3, finished=False)
+    run.add_reference(Reference(why_not="yade is not installed; install it"))
+    write_report(run, describe=machine, html=tmp_path / "r.html")
+    text = words(tmp_path / "r.html")
+    assert "The reference run is left out: yade is not installed; install it." in text
+    assert "on the reference engine" not in text
 
 
 def test_empty_run(make_run: Callable[..., RunDirectory], machine: Machine, tmp_path: Path) -> None:

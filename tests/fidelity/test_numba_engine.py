@@ -1,0 +1,59 @@
+"""The face of the compiled engine: loaded late, compiled once."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numba
+import pytest
+from numba.core.event import install_listener
+
+from fidelity.dosing import dosing_problem
+from fidelity.dosing_level import DosingLevel
+from fidelity.numba_engine import NumbaEngine, first_only, prepare
+from fidelity.settings import DemSettings, DosingSettings
+
+
+def kernel() -> dict[str, list[object]]:
+    """What each function of the kernel has been compiled for so far."""
+    return {
+        f"{module.__name__}.{name}": list(function.signatures)
+        for module in list(sys.modules.values())
+        if getattr(module, "__name__", "").startswith("fidelity.dem")
+        for name, function in vars(module).items()
+        if hasattr(function, "signatures")
+    }
+
+
+def test_after_preparing_a_dosing_run_compiles_nothing(tmp_path: Path) -> None:
+    prepare()
+    before = kernel()
+    settings, dem = DosingSettings(), DemSettings(grains=60)
+    level = DosingLevel("l", settings, dem, NumbaEngine(), cache=tmp_path, snapshots=2)
+    outcome = level.evaluate(dosing_problem(settings).baseline, seed=1)
+    assert outcome.status == "finished", outcome.why
+    assert outcome.raw["settling_work"] > 0  # so it has settled grains, too
+    assert any(before.values())
+    assert kernel() == before
+
+
+def test_nothing_is_said_where_nothing_is_compiled() -> None:
+    prepare()
+    said: list[str] = []
+    prepare(lambda: said.append("compiling"))
+    assert said == []
+
+
+def test_compiling_is_said_once() -> None:
+    said: list[str] = []
+    with install_listener("numba:compile", first_only(lambda: said.append("compiling"))):
+        for shift in (1, 2):
+            numba.njit(lambda x, shift=shift: x + shift)(0.5)
+    assert said == ["compiling"]
+
+
+@pytest.mark.parametrize("module", ["mfopt.cli", "fidelity.dosing_level", "fidelity.assemble"])
+def test_numba_is_not_loaded_before_it_is_used(module: str) -> None:
+    look = f"import sys, {module}; print('numba' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", look], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False"]

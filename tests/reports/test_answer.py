@@ -1,0 +1,47 @@
+"""The numbers at the end of a run, against the run itself."""
+
+import json
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from mfopt.evaluation import Reference
+from mfopt.store import RunDirectory
+from reports.answer import answer
+
+
+def test_the_reference_is_named_beside_the_target(finished_run: RunDirectory) -> None:
+    its = answer(finished_run)
+    *_, best, baseline = finished_run.evaluations()
+    assert its["level"] == "yade-1000"  # no level of the reference
+    assert its["reference"]["engine"] == "longdouble 2022.01a"
+    assert its["reference"]["best"] == pytest.approx(best.objective)
+    assert its["reference"]["baseline"] == pytest.approx(baseline.objective)
+    at_target = {
+        e.candidate.purpose: e.objective
+        for e in finished_run.evaluations()
+        if e.candidate.seed == best.candidate.seed
+    }
+    assert its["reference"]["best_at_target"] == pytest.approx(at_target["confirm best"])
+    assert its["reference"]["baseline_at_target"] == pytest.approx(at_target["confirm baseline"])
+
+
+def test_the_reference_changes_no_median(finished_run: RunDirectory) -> None:
+    confirmed = [
+        e.objective for e in finished_run.evaluations() if e.candidate.purpose == "confirm best"
+    ]
+    assert answer(finished_run)["confirmed_median"] == pytest.approx(np.median(confirmed))
+
+
+def test_a_run_at_its_beginning_has_an_answer(make_run: Callable[..., RunDirectory]) -> None:
+    run = make_run(generations=0, finished=False)
+    run.add_reference(Reference(why_not="yade is not installed"))
+    its = answer(run)
+    assert "objective" not in its
+    assert its["reference"] == {"left_out": "yade is not installed"}
+    assert json.loads(json.dumps(its, allow_nan=False)) == its
+
+
+def test_without_a_reference_none_is_named(own_run: RunDirectory) -> None:
+    assert "reference" not in answer(own_run)
