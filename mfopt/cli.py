@@ -30,7 +30,7 @@ from mfopt.header import header
 from mfopt.level import Level
 from mfopt.objective import objective_named
 from mfopt.problem import Problem
-from mfopt.store import full_disk_named, open_run, writing
+from mfopt.store import RunDirectory, full_disk_named, open_run, writing
 from mfopt.study import Study, read_study
 from reports.design import DesignView
 
@@ -125,10 +125,10 @@ def run(
     console = Console(quiet=quiet or as_json)
     with full_disk_named(path):
         begin(path, text, _header(study, parts, workers), resume=resume)
-        _prepare(parts, console)
+        _prepare(study, parts, console)
         with writing(path), _display(study, parts, console) as display:
             into = open_run(path)
-            begin_reference(into, parts.reference)
+            _begin_reference(into, parts, console)
             run_study(
                 parts.problem,
                 parts.ladder,
@@ -146,15 +146,19 @@ def run(
     console.print(f"mfopt itself took {own:.1f} s of CPU, {own / (own + simulators):.1%} of all")
 
 
-def _prepare(parts: Assembled, console: Console) -> None:
-    """Say what will be missing, and compile what all workers would else compile."""
-    if parts.reference is not None and parts.reference.why_not is not None:
-        why = parts.reference.why_not
-        console.print(f"the reference run is left out: {why}", highlight=False, soft_wrap=True)
-    if parts.uses_numba:
+def _prepare(study: Study, parts: Assembled, console: Console) -> None:
+    """Compile what all workers here would else compile."""
+    if parts.uses_numba and study.run.scheduler is None:
         from fidelity.numba_engine import prepare
 
         prepare(lambda: console.print("compiling the grain engine, once: about 30 s"))
+
+
+def _begin_reference(run: RunDirectory, parts: Assembled, console: Console) -> None:
+    begin_reference(run, parts.reference)
+    if run.reference is not None and run.reference.why_not is not None:
+        why = f"the reference run is left out: {run.reference.why_not}"
+        console.print(why, highlight=False, soft_wrap=True)
 
 
 def _display(study: Study, parts: Assembled, console: Console) -> "ProgressDisplay":

@@ -48,7 +48,8 @@ def advance(t, steps):  # type: ignore[no-untyped-def]
         counts[STEP] += 1
         pair_forces(state, t.pairs, t.touching, t.law, t.pair, dt, measure)
         wall_forces(state, t.walls, t.surface, t.law, t.materials, dt, measure, t.found, t.keys)
-        integrate(state, t.shape, t.field, time, dt, 0.5 if counts[STEP] == 1 else 1.0, measure)
+        kick, viscous = 0.5 if counts[STEP] == 1 else 1.0, t.law.zeta > 0.0
+        integrate(state, t.shape, t.field, time, dt, kick, viscous, measure)
     return steps, DONE
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from fidelity.dem.compiled import compiled, inlined
 from fidelity.dem.state import (
+    CONTACT_DAMPING,
     DRAG,
     FORCE_WORK,
     GRAINS,
@@ -38,7 +39,7 @@ class Field(NamedTuple):
 
 
 @compiled
-def integrate(state, shape, field, time, dt, kick, measure):  # type: ignore[no-untyped-def]
+def integrate(state, shape, field, time, dt, kick, viscous, measure):  # type: ignore[no-untyped-def]
     """Move all grains and their spheres from `time` to `time + dt`; loads are used up.
 
     Args:
@@ -47,6 +48,7 @@ def integrate(state, shape, field, time, dt, kick, measure):  # type: ignore[no-
         field: see there.
         time, dt: [s].
         kick: share of the step that the loads act for: 1/2 in the first, 1 in all others.
+        viscous: whether contacts are damped.
         measure: whether to sum kinetic and potential energy at `time` in `budget`.
     """
     bodies, spheres, budget = state.bodies, state.spheres, state.budget
@@ -56,7 +58,7 @@ def integrate(state, shape, field, time, dt, kick, measure):  # type: ignore[no-
     place, listed = spheres.place, spheres.listed
     k = shape.shape[0]
     h = kick * dt
-    damped = dragged = worked = kinetic = potential = 0.0
+    damped = absorbed = dragged = worked = kinetic = potential = 0.0
     stale = False
     passed = time + dt - state.drift[3]
     drift_x, drift_y, drift_z = (
@@ -70,6 +72,7 @@ def integrate(state, shape, field, time, dt, kick, measure):  # type: ignore[no-
         ax, ay, az = kin[g, 9] * light, kin[g, 10] * light, kin[g, 11] * light
         tx, ty, tz = kin[g, 12], kin[g, 13], kin[g, 14]
         weight = -field.gravity
+        ex = ey = ez = qx = qy = qz = 0.0  # what damping adds to acceleration and torque
         if field.damping > 0.0:
             if field.damp_gravity:
                 az += weight
@@ -77,29 +80,22 @@ def integrate(state, shape, field, time, dt, kick, measure):  # type: ignore[no-
             ax = brake(ax, vx + 0.5 * h * ax, field.damping)
             ay = brake(ay, vy + 0.5 * h * ay, field.damping)
             az = brake(az, vz + 0.5 * h * az, field.damping)
-            damped += (
-                mass
-                * h
-                * (
-                    (ex - ax) * (vx + 0.5 * h * ax)
-                    + (ey - ay) * (vy + 0.5 * h * ay)
-                    + (ez - az) * (vz + 0.5 * h * az)
-                )
-            )
+            ex, ey, ez = ax - ex, ay - ey, az - ez
             if field.damp_gravity:
                 weight = 0.0
-            ex, ey, ez = tx, ty, tz
+            qx, qy, qz = tx, ty, tz
             tx = brake(tx, kin[g, 6], field.damping)
             ty = brake(ty, kin[g, 7], field.damping)
             tz = brake(tz, kin[g, 8], field.damping)
-            damped += h * ((ex - tx) * kin[g, 6] + (ey - ty) * kin[g, 7] + (ez - tz) * kin[g, 8])
+            qx, qy, qz = tx - qx, ty - qy, tz - qz
         az += weight
+        rate = 0.0
         if field.linear_drag > 0.0 or field.quadratic_drag > 0.0:
             speed = math.sqrt(vx * vx + vy * vy + vz * vz)
             scale = bodies.scale[g]
             rate = field.linear_drag / (scale * scale) + field.quadratic_drag * speed / scale
             ax, ay, az = ax - rate * vx, ay - rate * vy, az - rate * vz
-            dragged += mass * h * rate * speed * speed
+        px = py = pz = 0.0
         for f in range(field.forces.shape[0]):
             box = field.forces[f]
             if (
@@ -107,16 +103,8 @@ def integrate(state, shape, field, time, dt, kick, measure):  # type: ignore[no-
                 and box[1] <= kin[g, 1] <= box[4]
                 and box[2] <= kin[g, 2] <= box[5]
             ):
-                ax, ay, az = ax + box[6], ay + box[7], az + box[8]
-                worked += (
-                    mass
-                    * h
-                    * (
-                        box[6] * (vx + 0.5 * h * ax)
-                        + box[7] * (vy + 0.5 * h * ay)
-                        + box[8] * (vz + 0.5 * h * az)
-                    )
-                )
+                px, py, pz = px + box[6], py + box[7], pz + box[8]
+        ax, ay, az = ax + px, ay + py, az + pz
         nvx, nvy, nvz = vx + h * ax, vy + h * ay, vz + h * az
         lx, ly, lz = mom[g, 0] + h * tx, mom[g, 1] + h * ty, mom[g, 2] + h * tz
         # Into the frame of the grain, and there to the middle of the step: Euler's equations.
@@ -129,8 +117,22 @@ def integrate(state, shape, field, time, dt, kick, measure):  # type: ignore[no-
         cx = ox + 0.5 * dt * (by * oz - bz * oy) * i1
         cy = oy + 0.5 * dt * (bz * ox - bx * oz) * i2
         cz = oz + 0.5 * dt * (bx * oy - by * ox) * i3
+        # Work is force times the velocity at `time`, midway between the old and the new one.
+        mx, my, mz = 0.5 * (vx + nvx), 0.5 * (vy + nvy), 0.5 * (vz + nvz)
+        dragged += mass * h * rate * (vx * mx + vy * my + vz * mz)
+        worked += mass * h * (px * mx + py * my + pz * mz)
+        if field.damping > 0.0 or viscous:
+            rx, ry, rz = spin_at(
+                m, inverse[g], lx - 0.5 * h * tx, ly - 0.5 * h * ty, lz - 0.5 * h * tz
+            )
+            damped -= mass * h * (ex * mx + ey * my + ez * mz) + h * (qx * rx + qy * ry + qz * rz)
+            if viscous:
+                part = bodies.viscous[g]
+                absorbed -= h * (part[0] * mx + part[1] * my + part[2] * mz)
+                absorbed -= h * (part[3] * rx + part[4] * ry + part[5] * rz)
+                for c in range(6):
+                    part[c] = 0.0
         if measure:
-            mx, my, mz = 0.5 * (vx + nvx), 0.5 * (vy + nvy), 0.5 * (vz + nvz)
             if kick < 1.0:
                 mx, my, mz = vx, vy, vz
             kinetic += 0.5 * mass * (mx * mx + my * my + mz * mz)
@@ -180,8 +182,10 @@ def integrate(state, shape, field, time, dt, kick, measure):  # type: ignore[no-
             dz = sphere_z - listed[i, 2] - drift_z
             stale = stale or dx * dx + dy * dy + dz * dz > listed[i, 3]
         if pz < field.exit_z and not bodies.left[g]:
-            leave(state, g, time + dt * max(0.0, field.exit_z - before) / (pz - before))
+            share = (before - field.exit_z) / (before - pz) if before > field.exit_z else 0.0
+            leave(state, g, time + share * dt, (1.0 - share) * dt)
     budget[NUMERICAL_DAMPING] += damped
+    budget[CONTACT_DAMPING] += absorbed
     budget[DRAG] += dragged
     budget[FORCE_WORK] += worked
     if measure:
@@ -192,18 +196,33 @@ def integrate(state, shape, field, time, dt, kick, measure):  # type: ignore[no-
 
 
 @inlined
+def spin_at(m, inverse, lx, ly, lz):  # type: ignore[no-untyped-def]
+    """Angular velocity that belongs to an angular momentum, both in space [rad/s]."""
+    x = inverse[1] * (m[0] * lx + m[3] * ly + m[6] * lz)
+    y = inverse[2] * (m[1] * lx + m[4] * ly + m[7] * lz)
+    z = inverse[3] * (m[2] * lx + m[5] * ly + m[8] * lz)
+    return (
+        m[0] * x + m[1] * y + m[2] * z,
+        m[3] * x + m[4] * y + m[5] * z,
+        m[6] * x + m[7] * y + m[8] * z,
+    )
+
+
+@inlined
 def brake(force, velocity, damping):  # type: ignore[no-untyped-def]
     """Cundall's numerical damping of one component."""
     return force * (1.0 - math.copysign(damping, force * velocity))
 
 
 @compiled
-def leave(state, g, time):  # type: ignore[no-untyped-def]
-    """Keep when and how grain g left; it is taken out when the lists are next made."""
+def leave(state, g, time, past):  # type: ignore[no-untyped-def]
+    """Keep when and how grain g left, `past` [s] ago; it is taken out later."""
     bodies, exits = state.bodies, state.exits
     n = bodies.number[g]
     exits.time[n] = time
-    for c in range(9):
+    for c in range(3):  # back to where it was then
+        exits.state[n, c] = bodies.kinematics[g, c] - past * bodies.kinematics[g, 3 + c]
+    for c in range(3, 9):
         exits.state[n, c] = bodies.kinematics[g, c]
     for c in range(4):
         exits.state[n, 9 + c] = bodies.quaternion[g, c]

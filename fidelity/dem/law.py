@@ -86,15 +86,44 @@ def stiffness(hertz, normal, tangential, radius, overlap):  # type: ignore[no-un
 
 
 @inlined
-def slide(sx, sy, sz, limit, k):  # type: ignore[no-untyped-def]
-    """Limit a spring's force (or moment) to `limit`; also the energy lost in slip [J]."""
+def slide(sx, sy, sz, limit):  # type: ignore[no-untyped-def]
+    """Limit a force (or moment) to the size `limit`; also whether it was above."""
     square = sx * sx + sy * sy + sz * sz
     if square <= limit * limit:
-        return sx, sy, sz, 0.0
-    size = math.sqrt(square)
-    factor = limit / size
-    loss = limit * (size - limit) / k if k > 0.0 else 0.0
-    return sx * factor, sy * factor, sz * factor, loss
+        return sx, sy, sz, False
+    factor = limit / math.sqrt(square)
+    return sx * factor, sy * factor, sz * factor, True
+
+
+@inlined
+def spring_loss(hx, hy, hz, sx, sy, sz, ux, uy, uz, before, now, dt):  # type: ignore[no-untyped-def]
+    """Energy [J] that a spring neither kept nor gave to the grains in a step.
+
+    What it held, less what it holds, less its work: half of it by the old force, half by the new.
+
+    Args:
+        hx, hy, hz: old force, carried to this step [N].
+        sx, sy, sz: new force [N].
+        ux, uy, uz: velocity of its end in the step [m/s].
+        before, now: old and new stiffness [N/m], above 0.
+        dt: [s].
+    """
+    held = 0.5 * (hx * hx + hy * hy + hz * hz) / before
+    holds = 0.5 * (sx * sx + sy * sy + sz * sz) / now
+    work = 0.5 * dt * ((hx + sx) * ux + (hy + sy) * uy + (hz + sz) * uz)
+    return held - holds - work
+
+
+@inlined
+def viscosity(zeta, k, inverse_mass, dt):  # type: ignore[no-untyped-def]
+    """Dashpot [N s/m] of the damping ratio zeta beside a spring k.
+
+    It acts with the velocity of half a step ago, u(t - dt/2) = u - du/dt dt/2, and so takes
+    c dt/2 off the mass: m - c dt/2 on k and c has the damping ratio zeta for this c.
+    """
+    c = 2.0 * zeta * math.sqrt(k / inverse_mass)
+    late = 0.25 * dt * inverse_mass * c
+    return c * (math.sqrt(1.0 + late * late) - late)
 
 
 @inlined
@@ -127,29 +156,33 @@ def contact_force(  # type: ignore[no-untyped-def]
 
     Returns:
         force (3) [N]; tangential spring force (3) [N]; pressing force [N]; normal and
-        tangential stiffness [N/m]; energy lost by slip and by damping [J].
+        tangential stiffness [N/m]; the latter relative to that of the last step; energy lost by
+        slip [J]; viscous part (3) of the force [N].
     """
     elastic, kn, kt = stiffness(law.hertz, pair.normal, pair.tangential, radius, overlap)
     elastic, kn, kt = weight * elastic, weight * kn, weight * kt
     un = ux * nx + uy * ny + uz * nz
     tx, ty, tz = ux - un * nx, uy - un * ny, uz - un * nz
-    sx, sy, sz = turn_into_plane(sx, sy, sz, nx, ny, nz, twist)
-    if law.hertz and un > 0.0:  # the overlap was larger by un dt, the stiffness with it
-        shrink = math.sqrt(overlap / (overlap + un * dt))
-        sx, sy, sz = sx * shrink, sy * shrink, sz * shrink
-    sx, sy, sz = sx - kt * dt * tx, sy - kt * dt * ty, sz - kt * dt * tz
+    hx, hy, hz = turn_into_plane(sx, sy, sz, nx, ny, nz, twist)
+    grown = 1.0  # tangential stiffness, relative to the last step
+    if law.hertz and overlap + un * dt > 0.0:
+        grown = math.sqrt(overlap / (overlap + un * dt))
+    keep = min(1.0, grown)
+    sx, sy, sz = keep * hx - kt * dt * tx, keep * hy - kt * dt * ty, keep * hz - kt * dt * tz
     press = elastic
-    damped = 0.0
     if law.zeta > 0.0:
-        c = 2.0 * law.zeta * math.sqrt(kn / inverse_mass)
+        c = viscosity(law.zeta, kn, inverse_mass, dt)
         press = max(0.0, elastic - c * un)
-        damped = (elastic - press) * un * dt
-    sx, sy, sz, slip = slide(sx, sy, sz, pair.friction * press, kt)
+    sx, sy, sz, slips = slide(sx, sy, sz, pair.friction * press)
+    slip = 0.0
+    if kt > 0.0 and (slips or law.hertz):
+        slip = spring_loss(hx, hy, hz, sx, sy, sz, tx, ty, tz, kt / grown, kt, dt)
+    if kt > 0.0 and un * dt >= overlap:  # opens before the next step: nobody will ask again
+        slip += spring_loss(sx, sy, sz, 0.0, 0.0, 0.0, tx, ty, tz, kt, kt, dt)
     fx, fy, fz = sx, sy, sz
-    if law.zeta > 0.0 and slip == 0.0:  # a sliding contact is damped by its friction
-        c = 2.0 * law.zeta * math.sqrt(kt / inverse_mass)
-        fx, fy, fz, _ = slide(sx - c * tx, sy - c * ty, sz - c * tz, pair.friction * press, 0.0)
-        damped += ((sx - fx) * tx + (sy - fy) * ty + (sz - fz) * tz) * dt
+    if law.zeta > 0.0 and not slips:  # a sliding contact is damped by its friction
+        c = viscosity(law.zeta, kt, inverse_mass, dt)
+        fx, fy, fz, _ = slide(sx - c * tx, sy - c * ty, sz - c * tz, pair.friction * press)
     normal = press
     if law.adhesion > 0.0:
         normal -= 2.0 * math.pi * law.adhesion * radius * weight
@@ -163,6 +196,9 @@ def contact_force(  # type: ignore[no-untyped-def]
         press,
         kn,
         kt,
+        grown,
         slip,
-        damped,
+        fx - sx + (press - elastic) * nx,
+        fy - sy + (press - elastic) * ny,
+        fz - sz + (press - elastic) * nz,
     )

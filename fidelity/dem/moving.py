@@ -37,6 +37,8 @@ def new_moving(motions: Sequence[WallMotion | None], surface: Surface) -> Moving
         rotation=np.tile(np.eye(3).ravel(), (b, 1)),
         velocity=np.zeros((b, 3)),
         spin=np.zeros((b, 3)),
+        mean_velocity=np.zeros((b, 3)),
+        mean_spin=np.zeros((b, 3)),
         angle=np.zeros(b),
         listed=np.zeros((b, 5)),
         pivot=pivot,
@@ -76,10 +78,15 @@ def sample(moving, b, time):  # type: ignore[no-untyped-def]
 
 @compiled
 def place_bodies(moving, time, dt):  # type: ignore[no-untyped-def]
-    """Put all bodies where they are at `time`; their velocity is that of the step before it."""
+    """Put all bodies where they are at `time`.
+
+    Their velocity is that of the step before it, as the grains' is; their work is the force times
+    the mean velocity of the steps before and after.
+    """
     for b in range(1, moving.place.shape[0]):
         x, y, z, angle = sample(moving, b, time)
         x0, y0, z0, angle0 = sample(moving, b, time - dt)
+        x1, y1, z1, angle1 = sample(moving, b, time + dt)
         moving.place[b, 0], moving.place[b, 1], moving.place[b, 2] = x, y, z
         moving.velocity[b, 0] = (x - x0) / dt
         moving.velocity[b, 1] = (y - y0) / dt
@@ -87,6 +94,12 @@ def place_bodies(moving, time, dt):  # type: ignore[no-untyped-def]
         rate = (angle - angle0) / dt
         ax, ay, az = moving.axis[b, 0], moving.axis[b, 1], moving.axis[b, 2]
         moving.spin[b, 0], moving.spin[b, 1], moving.spin[b, 2] = rate * ax, rate * ay, rate * az
+        rate = 0.5 * (angle1 - angle0) / dt
+        moving.mean_spin[b, 0], moving.mean_spin[b, 1] = rate * ax, rate * ay
+        moving.mean_spin[b, 2] = rate * az
+        moving.mean_velocity[b, 0] = 0.5 * (x1 - x0) / dt
+        moving.mean_velocity[b, 1] = 0.5 * (y1 - y0) / dt
+        moving.mean_velocity[b, 2] = 0.5 * (z1 - z0) / dt
         moving.angle[b] = angle
         c, s = math.cos(angle), math.sin(angle)
         d = 1.0 - c

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 
-from fidelity.dem.compiled import compiled
-from fidelity.dem.law import contact_force, slide, turn_into_plane
-from fidelity.dem.state import CONTACT_DAMPING, ELASTIC, OVERLAP, PAIRS, SIDE, SLIP, TOUCHING
+from fidelity.dem.compiled import compiled, inlined
+from fidelity.dem.law import contact_force, slide, spring_loss, turn_into_plane
+from fidelity.dem.state import ELASTIC, OVERLAP, PAIRS, SIDE, SLIP, TOUCHING
 
 BLOCK = 2048  # pairs
 
@@ -24,7 +24,7 @@ def pair_forces(state, pairs, touching, law, pair, dt, measure):  # type: ignore
     bodies, place, owner = state.bodies, state.spheres.place, state.spheres.owner
     kin = bodies.kinematics
     first, other = pairs.first, pairs.other
-    slipped = damping = elastic = deepest = 0.0
+    slipped = elastic = deepest = 0.0
     close, listed = pairs.close, np.uint64(state.counts[PAIRS])
     one, side = np.uint64(1), np.uint64(state.counts[SIDE])
     new, old_pair = touching.pair[one - side], touching.pair[side]
@@ -82,13 +82,12 @@ def pair_forces(state, pairs, touching, law, pair, dt, measure):  # type: ignore
                     bodies, g, ax, ay, az, nx, ny, nz
                 ) + inverse_contact_mass(bodies, h, bx, by, bz, nx, ny, nz)
             radius = ri * rj / (ri + rj)
-            fx, fy, fz, sx, sy, sz, press, kn, kt, slip, damped = contact_force(
+            fx, fy, fz, sx, sy, sz, press, kn, kt, grown, slip, vx, vy, vz = contact_force(
                 law, pair, radius, 1.0, overlap, nx, ny, nz, ux, uy, uz, sx, sy, sz,
                 twist, inverse_mass, dt,
             )  # fmt: skip
             force[q, 0], force[q, 1], force[q, 2] = sx, sy, sz
             slipped += slip
-            damping += damped
             if measure:
                 elastic += stored(law.hertz, kn, kt, overlap, sx, sy, sz)
                 if law.adhesion > 0.0:
@@ -100,7 +99,7 @@ def pair_forces(state, pairs, touching, law, pair, dt, measure):  # type: ignore
                 if old:
                     mx, my, mz = old_moment[o, 0], old_moment[o, 1], old_moment[o, 2]
                 mx, my, mz, slip, kr = rolling_moment(
-                    law.rolling, radius, press, kt, nx, ny, nz,
+                    law.rolling, radius, press, kt, grown, nx, ny, nz,
                     wx - ox, wy - oy, wz - oz, mx, my, mz, twist, dt,
                 )  # fmt: skip
                 moment[q, 0], moment[q, 1], moment[q, 2] = mx, my, mz
@@ -109,6 +108,9 @@ def pair_forces(state, pairs, touching, law, pair, dt, measure):  # type: ignore
                     elastic += 0.5 * (mx * mx + my * my + mz * mz) / kr
                 tx, ty, tz = tx + mx, ty + my, tz + mz
                 qx, qy, qz = qx + mx, qy + my, qz + mz
+            if law.zeta > 0.0:
+                add_viscous(bodies.viscous, g, 1.0, ax, ay, az, vx, vy, vz)
+                add_viscous(bodies.viscous, h, -1.0, bx, by, bz, vx, vy, vz)
             kin[g, 9] += fx
             kin[g, 10] += fy
             kin[g, 11] += fz
@@ -124,10 +126,20 @@ def pair_forces(state, pairs, touching, law, pair, dt, measure):  # type: ignore
     state.counts[TOUCHING], state.counts[SIDE] = count, 1 - state.counts[SIDE]
     budget = state.budget
     budget[SLIP] += slipped
-    budget[CONTACT_DAMPING] += damping
     budget[OVERLAP] = max(budget[OVERLAP], deepest)
     if measure:
         budget[ELASTIC] += elastic
+
+
+@inlined
+def add_viscous(viscous, g, sign, ax, ay, az, vx, vy, vz):  # type: ignore[no-untyped-def]
+    """Note the viscous part v of a force on grain g at the arm a from its centre."""
+    viscous[g, 0] += sign * vx
+    viscous[g, 1] += sign * vy
+    viscous[g, 2] += sign * vz
+    viscous[g, 3] += sign * (ay * vz - az * vy)
+    viscous[g, 4] += sign * (az * vx - ax * vz)
+    viscous[g, 5] += sign * (ax * vy - ay * vx)
 
 
 @compiled
@@ -155,7 +167,7 @@ def stored(hertz, kn, kt, overlap, sx, sy, sz):  # type: ignore[no-untyped-def]
 
 @compiled
 def rolling_moment(  # type: ignore[no-untyped-def]
-    rolling, radius, press, kt, nx, ny, nz, wx, wy, wz, mx, my, mz, twist, dt
+    rolling, radius, press, kt, grown, nx, ny, nz, wx, wy, wz, mx, my, mz, twist, dt
 ):
     """Rolling moment on grain i: a spring of stiffness kt R*^2, limited to rolling R* press.
 
@@ -166,10 +178,13 @@ def rolling_moment(  # type: ignore[no-untyped-def]
         moment (3) [N m], energy lost by slip [J], stiffness [N m].
     """
     wn = wx * nx + wy * ny + wz * nz
-    mx, my, mz = turn_into_plane(mx, my, mz, nx, ny, nz, twist)
+    wx, wy, wz = wx - wn * nx, wy - wn * ny, wz - wn * nz
+    hx, hy, hz = turn_into_plane(mx, my, mz, nx, ny, nz, twist)
     kr = kt * radius * radius
-    mx -= kr * dt * (wx - wn * nx)
-    my -= kr * dt * (wy - wn * ny)
-    mz -= kr * dt * (wz - wn * nz)
-    mx, my, mz, slip = slide(mx, my, mz, rolling * radius * press, kr)
+    keep = min(1.0, grown)  # as of the tangential spring
+    mx, my, mz = keep * hx - kr * dt * wx, keep * hy - kr * dt * wy, keep * hz - kr * dt * wz
+    mx, my, mz, slips = slide(mx, my, mz, rolling * radius * press)
+    slip = 0.0
+    if kr > 0.0 and (slips or grown != 1.0):
+        slip = spring_loss(hx, hy, hz, mx, my, mz, wx, wy, wz, kr / grown, kr, dt)
     return mx, my, mz, slip, kr

@@ -44,6 +44,7 @@ class Bodies(NamedTuple):
     quaternion: Array  # (n, 4) w, x, y, z: grain frame to space
     rotation: Array  # (n, 9) the same as a matrix, row by row
     momentum: Array  # (n, 3) angular momentum in space [kg m2/s]
+    viscous: Array  # (n, 6) force [N] and torque [N m] of contact damping, part of the load
     inertia: Array  # (n, 4) mass [kg] and principal moments [kg m2]
     inverse: Array  # (n, 4) 1 / the same
     scale: Array  # (n,) size relative to the shape
@@ -97,6 +98,8 @@ class Moving(NamedTuple):
     rotation: Array  # (b, 9)
     velocity: Array  # (b, 3) of the pivot, moved along [m/s]
     spin: Array  # (b, 3) [rad/s]
+    mean_velocity: Array  # (b, 3) the same, over the step before and the step after
+    mean_spin: Array  # (b, 3)
     angle: Array  # (b,) [rad]
     listed: Array  # (b, 5) displacement, angle, skin when the lists were made
     pivot: Array  # (b, 3) [m]
@@ -157,6 +160,7 @@ def new_state(setup: Setup, moving: Moving) -> State:
             quaternion,
             rotation.reshape(n, 9).copy(),
             np.einsum("nij,nj->ni", rotation, in_body),
+            np.zeros((n, 6)),
             inertia,
             1.0 / inertia,
             scale,

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from fidelity.engine import Wall, WallMotion
 from mfopt.arrays import Array, BoolArray, IntArray
@@ -83,7 +84,13 @@ def build_surface(walls: Sequence[Wall], body: IntArray) -> Surface:
     patch = _patches(edge, normals, of_wall)
     n_patch = int(patch.max(initial=-1)) + 1
     n_edge = int(edge.max(initial=-1)) + 1
-    edge_directions, edge_first, edge_last = _fans(edge, _inward(corners, normals))
+    inward = _inward(corners, normals)
+    flat_edge = _within_a_patch(edge, inward, patch)
+    bounded = np.bincount(
+        vertex.ravel(), weights=~(flat_edge & np.roll(flat_edge, 1, axis=1)).ravel()
+    )
+    flat_corner = bounded[vertex] == 0
+    edge_directions, edge_first, edge_last = _fans(edge, inward)
     corner_directions, corner_first, corner_last = _fans(vertex, _along(corners), per_item=2)
     return Surface(
         triangles=np.concatenate(
@@ -93,10 +100,12 @@ def build_surface(walls: Sequence[Wall], body: IntArray) -> Surface:
         body=of_body,
         wall=of_wall,
         face_keys=patch,
-        edge_keys=np.where(_answers(edge), n_patch + edge, -1),
+        edge_keys=np.where(_answers(edge), np.where(flat_edge, patch[:, None], n_patch + edge), -1),
         edge_first=edge_first,
         edge_last=edge_last,
-        corner_keys=np.where(_answers(vertex), n_patch + n_edge + vertex, -1),
+        corner_keys=np.where(
+            _answers(vertex), np.where(flat_corner, patch[:, None], n_patch + n_edge + vertex), -1
+        ),
         corner_first=corner_first + len(edge_directions),
         corner_last=corner_last + len(edge_directions),
         directions=np.concatenate([edge_directions, corner_directions]),
@@ -105,9 +114,13 @@ def build_surface(walls: Sequence[Wall], body: IntArray) -> Surface:
 
 def _welded(corners: Array, body: IntArray) -> IntArray:
     """Number of the vertex at every corner (k, 3); the same number where they coincide."""
-    points = np.column_stack([np.repeat(body, 3), np.rint(corners.reshape(-1, 3) / WELD)])
-    numbers = np.unique(points, axis=0, return_inverse=True)[1]
-    return np.asarray(numbers.reshape(-1, 3), dtype=np.int64)
+    points = np.column_stack([np.repeat(body, 3), corners.reshape(-1, 3)])  # bodies are 1 apart
+    points, place = np.unique(points, axis=0, return_inverse=True)
+    near = cKDTree(points).query_pairs(WELD, output_type="ndarray")
+    k = len(points)
+    links = coo_matrix((np.ones(len(near)), (near[:, 0], near[:, 1])), shape=(k, k))
+    numbers = connected_components(links, directed=False)[1]
+    return np.asarray(numbers[place].reshape(-1, 3), dtype=np.int64)
 
 
 def _edges(vertex: IntArray) -> IntArray:
@@ -129,6 +142,22 @@ def _patches(edge: IntArray, normals: Array, wall: IntArray) -> IntArray:
     )
     links = coo_matrix((np.ones(flat.sum()), (i[flat], j[flat])), shape=(k, k))
     return np.asarray(connected_components(links, directed=False)[1], dtype=np.int64)
+
+
+def _within_a_patch(edge: IntArray, inward: Array, patch: IntArray) -> BoolArray:
+    """Whether a flat patch goes on across an edge (k, 3): there it is part of the face."""
+    number = edge.ravel()
+    of = np.repeat(patch, 3)
+    low, high = (
+        np.full(number.max(initial=-1) + 1, len(patch)),
+        np.zeros(number.max(initial=-1) + 1),
+    )
+    np.minimum.at(low, number, of)
+    np.maximum.at(high, number, of)
+    total = np.zeros((len(low), 3))
+    np.add.at(total, number, inward.reshape(-1, 3))
+    both_sides = np.linalg.norm(total, axis=1) < 1e-3
+    return np.asarray(((low == high) & both_sides)[edge])
 
 
 def _answers(number: IntArray) -> BoolArray:

@@ -13,7 +13,7 @@ import math
 
 from fidelity.dem.compiled import compiled, inlined
 from fidelity.dem.law import Pair, contact_force
-from fidelity.dem.pairs import inverse_contact_mass, rolling_moment, stored
+from fidelity.dem.pairs import add_viscous, inverse_contact_mass, rolling_moment, stored
 from fidelity.dem.state import (
     CONTACT_DAMPING,
     ELASTIC,
@@ -237,14 +237,21 @@ def one_contact(state, law, materials, dt, measure, i, found, a, body, wall):  #
     if law.zeta > 0.0:
         inverse_mass = inverse_contact_mass(bodies, g, ax, ay, az, nx, ny, nz)
     pair = Pair(materials[wall, 0], materials[wall, 1], materials[wall, 2])
-    fx, fy, fz, sx, sy, sz, press, kn, kt, slip, damped = contact_force(
+    fx, fy, fz, sx, sy, sz, press, kn, kt, grown, slip, vx, vy, vz = contact_force(
         law, pair, r, weight, overlap, nx, ny, nz, ux, uy, uz,
         found[a, 5], found[a, 6], found[a, 7], twist, inverse_mass, dt,
     )  # fmt: skip
     found[a, 5], found[a, 6], found[a, 7] = sx, sy, sz
     budget[SLIP] += slip
-    budget[CONTACT_DAMPING] += damped
+    mean = moving.mean_velocity[body]
+    px, py, pz = moving.mean_spin[body, 0], moving.mean_spin[body, 1], moving.mean_spin[body, 2]
+    qx = mean[0] + py * bz - pz * by
+    qy = mean[1] + pz * bx - px * bz
+    qz = mean[2] + px * by - py * bx
     budget[WALL_WORK] += (fx * qx + fy * qy + fz * qz) * dt
+    if law.zeta > 0.0:
+        budget[CONTACT_DAMPING] += (vx * qx + vy * qy + vz * qz) * dt
+        add_viscous(bodies.viscous, g, 1.0, ax, ay, az, vx, vy, vz)
     if measure:
         budget[ELASTIC] += stored(law.hertz, kn, kt, overlap, sx, sy, sz)
         if law.adhesion > 0.0:
@@ -260,12 +267,12 @@ def one_contact(state, law, materials, dt, measure, i, found, a, body, wall):  #
     state.wall_force[wall, 2] -= fz
     if law.rolling > 0.0:
         mx, my, mz, slip, kr = rolling_moment(
-            law.rolling, r, press, kt, nx, ny, nz, wx - ox, wy - oy, wz - oz,
+            law.rolling, r, press, kt, grown, nx, ny, nz, wx - ox, wy - oy, wz - oz,
             found[a, 8], found[a, 9], found[a, 10], twist, dt,
         )  # fmt: skip
         found[a, 8], found[a, 9], found[a, 10] = mx, my, mz
         budget[SLIP] += slip
-        budget[WALL_WORK] += (mx * ox + my * oy + mz * oz) * dt
+        budget[WALL_WORK] += (mx * px + my * py + mz * pz) * dt
         if measure and kr > 0.0:
             budget[ELASTIC] += 0.5 * (mx * mx + my * my + mz * mz) / kr
         kin[g, 12] += mx
