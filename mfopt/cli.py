@@ -4,7 +4,7 @@ import json
 import math
 import os
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial, wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -252,29 +252,13 @@ def _finite(value: float) -> float | None:
 
 def _print_result(path: Path, console: Console, *, as_json: bool) -> None:
     """The result in a few lines, or as JSON."""
-    from reports.answer import answer
+    from reports.answer import answer, as_table
 
     its = answer(open_run(path))
     if as_json:
         typer.echo(json.dumps(its, indent=2))
     else:
-        console.print(_as_table(its))
-
-
-def _as_table(answer: Mapping[str, Any]) -> Table:
-    table = Table(show_header=False, box=None)
-    for key, value in answer.items():
-        if isinstance(value, dict):
-            cells = (f"{name.replace('_', ' ')} {_short(it, 4)}" for name, it in value.items())
-            shown = "  ".join(cells)
-        else:
-            shown = _short(value, 5)
-        table.add_row(key.replace("_", " "), shown)
-    return table
-
-
-def _short(value: Any, digits: int) -> str:
-    return f"{value:.{digits}g}" if isinstance(value, float) else str(value)
+        console.print(as_table(its))
 
 
 @_command

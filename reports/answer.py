@@ -1,7 +1,10 @@
 """The result in a few numbers: for the last lines of a run, and for scripts."""
 
 import math
+from collections.abc import Mapping
 from typing import Any
+
+from rich.table import Table
 
 from mfopt.store import RunDirectory
 from reports.reference import repeated
@@ -57,3 +60,20 @@ def _reference(run: RunDirectory, rows: tuple[Row, ...]) -> dict[str, Any]:
 
 def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
+
+
+def as_table(its: Mapping[str, Any]) -> Table:
+    """The answer in lines for a terminal."""
+    table = Table(show_header=False, box=None)
+    for key, value in its.items():
+        if isinstance(value, dict):
+            cells = (f"{name.replace('_', ' ')} {_short(it, 4)}" for name, it in value.items())
+            shown = "  ".join(cells)
+        else:
+            shown = _short(value, 5)
+        table.add_row(key.replace("_", " "), shown)
+    return table
+
+
+def _short(value: Any, digits: int) -> str:
+    return f"{value:.{digits}g}" if isinstance(value, float) else str(value)
