@@ -16,7 +16,6 @@ from benchmarks.engine.small_scenes import (
     forces_at,
     mesh,
     moved,
-    plane,
     ridge,
     scene,
     sled,
@@ -24,8 +23,8 @@ from benchmarks.engine.small_scenes import (
     still,
     wall_stiffness,
 )
-from benchmarks.engine.validation_scenes import MU, end_on, on_slope, returned
-from fidelity.engine import ContactLaw, Physics
+from benchmarks.engine.validation_scenes import MU, end_on, lack, on_slope, piles, returned
+from fidelity.engine import ContactLaw
 from fidelity.numba_engine import MARGIN
 from fidelity.yade import YadeEngine
 from mfopt.arrays import Array
@@ -76,7 +75,7 @@ def restitution() -> "Figure":
 
 
 def edges() -> "Figure":
-    """Force on a sphere that is led over an edge, over that of a single contact."""
+    """Force on a sphere led over an edge, over that of one contact: over a crest, the deepest."""
     figure, (seam, valley, crest) = _panels(3)
     for panel, title, half, degrees in (
         (seam, "coplanar triangles", 0.4, (0.0,)),
@@ -89,9 +88,8 @@ def edges() -> "Figure":
             slope = math.radians(-angle if panel is valley else angle)
             force, alone = _over(slope, places)
             label = "numba" if panel is seam else f"{2 * angle:g}°"
-            if panel is crest:
-                alone = np.full_like(force, wall_stiffness() * OVERLAP)  # on the edge
-            panel.plot(places, force / alone, dash, lw=width, color=colour, label=label)
+            one = np.full(len(places), wall_stiffness() * OVERLAP) if panel is crest else alone
+            panel.plot(places, force / one, dash, lw=width, color=colour, label=label)
         panel.set_title(title, fontsize=9)
         panel.set_xlabel("place [radii]")
         panel.set_ylim(0.0, 2.2)
@@ -137,14 +135,11 @@ def energy() -> "Figure":
     """What the energy balance lacks, against the time step."""
     figure, panels = _panels(2)
     shares = np.array([0.4, 0.2, 0.1, 0.05, 0.025])
-    kinds = (
-        ("friction", still(gravity=G), GREEN),
-        ("friction and dashpots", still(gravity=G, restitution=0.5), BLUE),
-        ("friction and numerical damping", still(gravity=G, damping=0.2), ORANGE),
-    )
+    kinds = zip(piles().items(), (GREEN, BLUE, ORANGE), strict=True)
+    curves = [(name, physics, colour) for (name, physics), colour in kinds]
     for panel, (law, _) in zip(panels, LAWS, strict=True):
-        for name, physics, colour in kinds:
-            lacks = [_lack(law, physics, float(share)) for share in shares]
+        for name, physics, colour in curves:
+            lacks = [abs(lack(law, physics, float(share))) for share in shares]
             panel.loglog(shares, lacks, "o-", ms=3, color=colour, label=name)
         panel.loglog(shares, 0.5 * shares**2, color=GREY, lw=0.8, label="second order")
         panel.axvline(MARGIN, color=GREY, lw=0.8, ls=":")
@@ -155,30 +150,6 @@ def energy() -> "Figure":
     panels[0].set_ylabel("|gain| / energy turned over")
     panels[1].legend(fontsize=7)
     return figure
-
-
-def _lack(law: ContactLaw, physics: Physics, share: float) -> float:
-    """Share of the energy turned over that is missing after clumps fell in a heap."""
-    from dataclasses import replace
-
-    rng = np.random.default_rng(3)
-    starts = [
-        Start((0.02 * (i % 3), 0.02 * (i // 3 % 3), 0.012 + 0.015 * (i // 9)), q, v)
-        for i, (q, v) in enumerate(
-            zip(rng.normal(size=(27, 4)), rng.uniform(-0.4, 0.4, (27, 3)), strict=True)
-        )
-    ]
-    grain, floor = spheres_in_line(3), plane(friction=MU)
-    setup = scene(
-        grain,
-        starts,
-        floor,
-        physics=replace(physics, contact_law=law),
-        duration=0.3,
-        friction=MU,
-    )
-    movement = moved(setup, share)
-    return abs(movement.energy["gain"]) / movement.energy["turnover"]
 
 
 def incline() -> "Figure":

@@ -1,6 +1,8 @@
 """Scenes that the table and the figures of the validation share."""
 
 import math
+from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -82,3 +84,34 @@ def on_slope(grain: Grain, slope: float, duration: float, **more: float) -> Move
         snapshots=times,
     )
     return moved(setup, MARGIN)
+
+
+def piles() -> Mapping[str, Physics]:
+    """What the clumps of a heap lose energy by."""
+    return {
+        "friction": still(gravity=G),
+        "friction and dashpots": still(gravity=G, restitution=0.5),
+        "friction and numerical damping": still(gravity=G, damping=0.2),
+    }
+
+
+def lack(law: ContactLaw, physics: Physics, share: float) -> float:
+    """Energy from nowhere, as a share of what was turned over, after clumps fell in a heap."""
+    rng = np.random.default_rng(3)
+    starts = [
+        Start((0.02 * (i % 3), 0.02 * (i // 3 % 3), 0.012 + 0.015 * (i // 9)), q, v)
+        for i, (q, v) in enumerate(
+            zip(rng.normal(size=(27, 4)), rng.uniform(-0.4, 0.4, (27, 3)), strict=True)
+        )
+    ]
+    grain, floor = spheres_in_line(3), plane(friction=MU)
+    setup = scene(
+        grain,
+        starts,
+        floor,
+        physics=replace(physics, contact_law=law),
+        duration=0.3,
+        friction=MU,
+    )
+    movement = moved(setup, share)
+    return movement.energy["gain"] / movement.energy["turnover"]

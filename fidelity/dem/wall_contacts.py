@@ -6,7 +6,8 @@ nearly the same normal that stand for one. They share its stiffness: contact k g
     w_k = d_k^4 / sum_l g(angle between k and l) d_l^4,   d the overlap,
 
 with g = 1 for normals within 15 degrees, 0 beyond 45 degrees and smooth in between. Every d and w
-is continuous in the position of the sphere, so the force is.
+is continuous in the position of the sphere, so the force is. Histories are kept for a weight of 1:
+a spring whose share shrinks keeps its stretch, not its force.
 """
 
 import math
@@ -239,9 +240,9 @@ def one_contact(state, law, materials, dt, measure, i, found, a, body, wall):  #
     pair = Pair(materials[wall, 0], materials[wall, 1], materials[wall, 2])
     fx, fy, fz, sx, sy, sz, press, kn, kt, grown, slip, vx, vy, vz = contact_force(
         law, pair, r, weight, overlap, nx, ny, nz, ux, uy, uz,
-        found[a, 5], found[a, 6], found[a, 7], twist, inverse_mass, dt,
+        weight * found[a, 5], weight * found[a, 6], weight * found[a, 7], twist, inverse_mass, dt,
     )  # fmt: skip
-    found[a, 5], found[a, 6], found[a, 7] = sx, sy, sz
+    found[a, 5], found[a, 6], found[a, 7] = sx / weight, sy / weight, sz / weight
     budget[SLIP] += slip
     mean = moving.mean_velocity[body]
     px, py, pz = moving.mean_spin[body, 0], moving.mean_spin[body, 1], moving.mean_spin[body, 2]
@@ -268,9 +269,9 @@ def one_contact(state, law, materials, dt, measure, i, found, a, body, wall):  #
     if law.rolling > 0.0:
         mx, my, mz, slip, kr = rolling_moment(
             law.rolling, r, press, kt, grown, nx, ny, nz, wx - ox, wy - oy, wz - oz,
-            found[a, 8], found[a, 9], found[a, 10], twist, dt,
+            weight * found[a, 8], weight * found[a, 9], weight * found[a, 10], twist, dt,
         )  # fmt: skip
-        found[a, 8], found[a, 9], found[a, 10] = mx, my, mz
+        found[a, 8], found[a, 9], found[a, 10] = mx / weight, my / weight, mz / weight
         budget[SLIP] += slip
         budget[WALL_WORK] += (mx * px + my * py + mz * pz) * dt
         if measure and kr > 0.0:

@@ -19,8 +19,12 @@ from benchmarks.engine.small_scenes import (
     stable_step,
     still,
 )
+from fidelity.dosing import design, dosing_problem
+from fidelity.dosing_run import dosing_setup, packing_order
 from fidelity.engine import BodyForce, ContactLaw, Physics, Setup, Wall
 from fidelity.numba_engine import NumbaEngine
+from fidelity.portion import loose_portion
+from fidelity.settings import DemSettings, DosingSettings
 
 MU = 0.5
 LAWS: tuple[ContactLaw, ...] = ("linear", "hertz")
@@ -151,3 +155,15 @@ def test_a_step_that_is_too_long_is_told() -> None:
     assert movement.status == "crashed"
     assert movement.why is not None
     assert "use a shorter time step" in movement.why
+
+
+def test_the_balance_closes_where_grains_slide_over_curved_walls() -> None:
+    # There contacts share their stiffness, and shares come and go from step to step.
+    settings, dem = DosingSettings(), DemSettings(grains=150)
+    order = packing_order(settings, dem, 1)
+    packing = loose_portion(order.grain, order.cup.section, 150, 1, chordal_error=1e-3)
+    machine = design(settings, dosing_problem(settings).baseline)
+    setup = dosing_setup(settings, machine, order, packing)
+    movement = NumbaEngine().move(setup, time_limit_s=LIMIT_S)
+    assert movement.status == "finished", movement.why
+    assert abs(movement.energy["gain"]) < 0.02 * movement.energy["turnover"]
