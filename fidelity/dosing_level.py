@@ -38,9 +38,9 @@ class DosingLevel:
     settings: DosingSettings
     dem: DemSettings
     engine: Engine
-    filler: Engine = field(default_factory=NumbaEngine)
     cache: Path | None = None  # directory of settled packings; None for the user's cache
     snapshots: int = 0  # number of moments at which all grains are stored
+    filler: Engine = field(default_factory=NumbaEngine)
 
     def work(self, x: Array) -> float:
         """Predict the work of a run: spheres times steps of a cycle; the same for every `x`."""

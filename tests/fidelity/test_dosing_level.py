@@ -10,6 +10,7 @@ from fidelity.bullet import BulletEngine
 from fidelity.dosing import design, dosing_problem
 from fidelity.dosing_level import DosingLevel
 from fidelity.engine import Engine
+from fidelity.numba_engine import NumbaEngine
 from fidelity.settings import DemSettings, DosingSettings
 from fidelity.yade import YadeEngine
 from mfopt.arrays import Array
@@ -20,6 +21,7 @@ SETTINGS = DosingSettings()
 PROBLEM = dosing_problem(SETTINGS)
 DEM = DemSettings(grains=100, spheres_per_grain=1, time_limit_s=300)
 ENGINES = [
+    pytest.param(NumbaEngine(), id="numba"),
     pytest.param(BulletEngine(), id="bullet"),
     pytest.param(
         YadeEngine(),
@@ -90,9 +92,9 @@ def test_every_grain_is_accounted_for_at_random_designs(engine: Engine, cache: P
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_same_seed_gives_the_same_outcome_bit_for_bit(engine: Engine, cache: Path) -> None:
+def test_same_seed_gives_the_same_outcome_bit_for_bit(engine: Engine, tmp_path: Path) -> None:
     dem = DEM.model_copy(update={"grains": 40, "spheres_per_grain": 1})
-    level = DosingLevel("coarsest", SETTINGS, dem, engine, cache)
+    level = DosingLevel("coarsest", SETTINGS, dem, engine, tmp_path)
     first, again = (level.evaluate(SLOW, seed=3) for _ in range(2))
     assert np.array_equal(first.raw["passage_times"], again.raw["passage_times"])
     assert float(first.raw["settling_work"]) > 0
