@@ -242,7 +242,8 @@ def one_contact(state, law, materials, dt, measure, i, found, a, body, wall):  #
         law, pair, r, weight, overlap, nx, ny, nz, ux, uy, uz,
         weight * found[a, 5], weight * found[a, 6], weight * found[a, 7], twist, inverse_mass, dt,
     )  # fmt: skip
-    found[a, 5], found[a, 6], found[a, 7] = sx / weight, sy / weight, sz / weight
+    full = 1.0 / max(weight, 1e-30)  # as it would be with a share of 1
+    found[a, 5], found[a, 6], found[a, 7] = full * sx, full * sy, full * sz
     budget[SLIP] += slip
     mean = moving.mean_velocity[body]
     px, py, pz = moving.mean_spin[body, 0], moving.mean_spin[body, 1], moving.mean_spin[body, 2]
@@ -271,7 +272,7 @@ def one_contact(state, law, materials, dt, measure, i, found, a, body, wall):  #
             law.rolling, r, press, kt, grown, nx, ny, nz, wx - ox, wy - oy, wz - oz,
             weight * found[a, 8], weight * found[a, 9], weight * found[a, 10], twist, dt,
         )  # fmt: skip
-        found[a, 8], found[a, 9], found[a, 10] = mx / weight, my / weight, mz / weight
+        found[a, 8], found[a, 9], found[a, 10] = full * mx, full * my, full * mz
         budget[SLIP] += slip
         budget[WALL_WORK] += (mx * px + my * py + mz * pz) * dt
         if measure and kr > 0.0:
