@@ -20,11 +20,10 @@ from fidelity.bullet_world import (
     read_overlaps,
     read_poses,
     read_velocities,
-    sizes,
     smallest_radius,
     start,
 )
-from fidelity.engine import Movement, Setup
+from fidelity.engine import Movement, Setup, sizes
 from fidelity.exchange import SNAPSHOT_KEYS, read_setup, write_movement
 from fidelity.wall_motion import top_speed
 from mfopt.arrays import Array
@@ -166,7 +165,7 @@ def _trouble(p: Any, setup: Setup, run: _Run, time: float, dt: float) -> str | N
     deep = np.unique(pairs[overlaps > OVERLAP_LIMIT * r_min])
     run.max_kinetic_energy = max(run.max_kinetic_energy, energy)
     run.max_overlap = max(run.max_overlap, float(np.max(overlaps, initial=0.0)) / r_min)
-    mass = setup.grain.mass * float(np.sum(sizes(setup)[live] ** 3))
+    mass = setup.grain.mass * float(np.sum(sizes(setup.packing)[live] ** 3))
     if energy > 0.5 * mass * rest_speed(setup, dt) ** 2:
         run.restless_at = time
     limit = ENERGY_MARGIN * available_energy(setup, run.positions)
@@ -202,7 +201,7 @@ def kinetic_energy(
         spins: angular velocities (g, 3) [rad/s].
         orientations: (g, 4).
     """
-    scales, q = sizes(setup)[grains][:, None], orientations
+    scales, q = sizes(setup.packing)[grains][:, None], orientations
     # Spin in the grain's frame: rotated by the conjugate quaternion.
     twice = 2.0 * np.cross(spins, q[:, 1:])
     own = spins + q[:, :1] * twice + np.cross(twice, q[:, 1:])  # (g, 3)
@@ -215,7 +214,7 @@ def available_energy(setup: Setup, positions: Array) -> float:
 
     A wall of speed w throws a grain back at 2 w at most.
     """
-    scales, packing = sizes(setup), setup.packing
+    scales, packing = sizes(setup.packing), setup.packing
     masses = setup.grain.mass * scales**3
     drop = float(np.sum(masses * (packing.positions[:, 2] - positions[:, 2])))
     reach = float(np.max(setup.grain.radii) + np.max(np.abs(setup.grain.offsets)))

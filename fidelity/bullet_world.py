@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from fidelity.engine import Grain, Material, Physics, Setup, Wall, WallMotion
+from fidelity.engine import Grain, Material, Physics, Setup, Wall, WallMotion, sizes
 from fidelity.wall_motion import angle_at, shift_at
 from mfopt.arrays import Array, IntArray
 
@@ -138,7 +138,7 @@ def _add_grains(p: Any, setup: Setup, *, bounce: float, timestep: float) -> tupl
     velocities[:, 2] += 0.5 * timestep * fall_acceleration(setup.physics)
     shapes: dict[float, int] = {}
     bodies = []
-    for i, scale in enumerate(sizes(setup).tolist()):
+    for i, scale in enumerate(sizes(setup.packing).tolist()):
         if scale not in shapes:
             shapes[scale] = _grain_shape(p, setup.grain, scale)
         w, x, y, z = setup.packing.orientations[i].tolist()
@@ -172,15 +172,9 @@ def _grain_shape(p: Any, grain: Grain, scale: float) -> int:
     )
 
 
-def sizes(setup: Setup) -> Array:
-    """Scales (n,) of the grains."""
-    scales = setup.packing.scales
-    return np.ones(setup.packing.positions.shape[0]) if scales is None else scales
-
-
 def smallest_radius(setup: Setup) -> float:
     """Radius [m] of the smallest sphere of all grains."""
-    return float(np.min(sizes(setup)) * np.min(setup.grain.radii))
+    return float(np.min(sizes(setup.packing)) * np.min(setup.grain.radii))
 
 
 def start(setup: Setup) -> tuple[Array, Array]:

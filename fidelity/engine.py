@@ -15,6 +15,15 @@ from mfopt.outcome import Status
 
 ContactLaw = Literal["linear", "hertz"]
 
+# A run on springs is broken when two spheres overlap by more than this [smallest radius]; at 2
+# their centres are in one place. Soft grains between the cup's rim and the hole's edge reach 1
+# in sound runs.
+MAX_OVERLAP = 1.5
+# Settled: for this long [s] the grains move with less, per grain, than this part of the energy
+# that lifts a grain by its smallest radius.
+SETTLED_S = 0.1
+SETTLED_ENERGY = 1e-3
+
 
 @dataclass(frozen=True, slots=True)
 class Material:
@@ -43,6 +52,11 @@ class Packing:
     positions: Array  # (n, 3) mass centres [m]
     orientations: Array  # (n, 4) unit quaternions w, x, y, z: grain frame to space
     scales: Array | None = None  # (n,) size relative to `Setup.grain`; None: all are 1
+
+
+def sizes(packing: Packing) -> Array:
+    """Scales (n,) of the grains, also where the packing names none."""
+    return np.ones(len(packing.positions)) if packing.scales is None else packing.scales
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,7 +11,17 @@ from typing import Any
 
 import numpy as np
 
-from fidelity.engine import Grain, Material, Movement, Packing, Physics, Setup, Wall, WallMotion
+from fidelity.engine import (
+    Grain,
+    Material,
+    Movement,
+    Packing,
+    Physics,
+    Setup,
+    Wall,
+    WallMotion,
+    sizes,
+)
 from mfopt.errors import ConfigError
 
 KERNEL = "1"  # counted up when results change
@@ -65,17 +75,12 @@ class NumbaEngine:
         """Move the grains. A run that crashes, explodes or hangs is returned as such."""
         from fidelity.dem.run import run
 
-        smallest = scaled(setup.grain, smallest_scale(setup.packing))
+        smallest = scaled(setup.grain, float(np.min(sizes(setup.packing))))
         walls = [wall.material for wall in setup.walls] or [setup.grain_material]
         dt = min(
             self.timestep(smallest, setup.grain_material, wall, setup.physics) for wall in walls
         )
         return run(setup, dt, time_limit_s)
-
-
-def smallest_scale(packing: Packing) -> float:
-    """Scale of the smallest grain."""
-    return 1.0 if packing.scales is None else float(np.min(packing.scales))
 
 
 def scaled(grain: Grain, scale: float) -> Grain:

@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 from typing import Literal
 
-from fidelity.engine import Grain, Material, Movement, Physics, Setup
+from fidelity.engine import Grain, Material, Movement, Physics, Setup, sizes
 from fidelity.exchange import failed_movement, read_movement, write_setup
 from fidelity.process import Ended, run_logged
 from fidelity.refuse import refusal, refuse
@@ -97,8 +97,7 @@ class YadeEngine:
     def _smallest_timestep(self, setup: Setup) -> float:
         wall_material = setup.walls[0].material if setup.walls else setup.grain_material
         whole = self.timestep(setup.grain, setup.grain_material, wall_material, setup.physics)
-        scales = setup.packing.scales
-        return whole if scales is None else whole * float(scales.min())
+        return whole * float(sizes(setup.packing).min())
 
 
 def _check(engine: str, physics: Physics) -> None:

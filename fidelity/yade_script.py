@@ -21,6 +21,7 @@ from yade.minieigenHP import Vector3
 
 # YADE knows only where this file is.
 sys.path.append(str(Path(sys.argv[0]).resolve().parents[1]))
+from fidelity.engine import MAX_OVERLAP, SETTLED_ENERGY, SETTLED_S
 from fidelity.wall_motion import angle_at, shift_at, top_speed
 from fidelity.yade_world import Grains, Wall, add_grains, add_walls, engines
 
@@ -29,16 +30,11 @@ from fidelity.yade_world import Grains, Wall, add_grains, add_walls, engines
 CHECK_S = 1e-3
 CHECKS_PER_HEALTH = 5  # looks at energy and overlap cost more, and are made at every 5th check
 
-# A run is broken when two spheres overlap by more than this [smallest radius]; at 2 their centres
-# are in one place. Soft grains between the cup's rim and the hole's edge reach 1 in sound runs.
-MAX_OVERLAP = 1.5
-# ... or when the grains move with more than this multiple of the energy that they can have.
+# A run is broken when the grains move with more than this multiple of the energy that they
+# can have.
 ENERGY_MARGIN = 2.0
 
-# Settled: for this long [s] the grains move with less, per grain, than this part of the energy
-# that lifts a grain by its smallest radius, and forces are balanced to this part.
-SETTLED_S = 0.1
-SETTLED_ENERGY = 1e-3
+# Settled: besides little energy, forces are balanced to this part.
 SETTLED_IMBALANCE = 0.1
 
 

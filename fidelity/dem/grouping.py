@@ -28,7 +28,7 @@ def regroup(tables: Tables) -> None:
     new_row = np.full(n, -1)
     new_row[order] = np.arange(len(order))
     _move(state, order, k)
-    state.counts[at.GRAINS], state.counts[at.LEFT] = len(order), 0
+    state.counts[at.GRAINS] = len(order)
     if len(order):
         state.drift[:3] = np.median(state.bodies.kinematics[: len(order), 3:6], axis=0)
     _carry(tables, new_row, k)

@@ -18,7 +18,6 @@ from fidelity.dem.state import (
     FORCE_WORK,
     GRAINS,
     KINETIC,
-    LEFT,
     NUMERICAL_DAMPING,
     POTENTIAL,
     STALE,
@@ -227,4 +226,3 @@ def leave(state, g, time, past):  # type: ignore[no-untyped-def]
     for c in range(4):
         exits.state[n, 9 + c] = bodies.quaternion[g, c]
     bodies.left[g] = True
-    state.counts[LEFT] += 1

@@ -12,22 +12,14 @@ from fidelity.dem import state as at
 from fidelity.dem.advance import advance
 from fidelity.dem.grouping import regroup
 from fidelity.dem.tables import DONE, Tables, prepare, with_more_room
-from fidelity.engine import Movement, Setup
+from fidelity.engine import MAX_OVERLAP, SETTLED_ENERGY, SETTLED_S, Movement, Setup
 from mfopt.arrays import Array
 
 LOOK_S = 1e-3  # [s] simulated between two looks at the grains
 LOOKS_PER_GROUPING = 5  # then grains that have left are taken out, and the others sorted by place
 
-# A run is broken when two spheres overlap by more than this [smallest radius]; at 2 their centres
-# are in one place. Soft grains between the cup's rim and the hole's edge reach 1 in sound runs.
-MAX_OVERLAP = 1.5
-# ... or when more energy has come from nowhere than this share of what was turned over.
+# A run is broken when more energy has come from nowhere than this share of what was turned over.
 MAX_GAIN = 0.05
-
-# Settled: for this long [s] the grains move with less, per grain, than this part of the energy
-# that lifts a grain by its smallest radius.
-SETTLED_S = 0.1
-SETTLED_ENERGY = 1e-3
 
 
 @dataclass

@@ -10,11 +10,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fidelity.engine import Setup
+from fidelity.engine import Setup, sizes
 from mfopt.arrays import Array, IntArray
 
 # Places in `counts`.
-GRAINS, STEP, STALE, LEFT, PAIRS, ENTRIES, TOUCHING, SIDE = range(8)
+GRAINS, STEP, STALE, PAIRS, ENTRIES, TOUCHING, SIDE = range(7)
 # Places in `budget` [J]; see `energy`.
 (
     KINETIC,
@@ -134,7 +134,7 @@ def new_state(setup: Setup, moving: Moving) -> State:
     """State at the start of `setup`."""
     grain, packing = setup.grain, setup.packing
     n, k = len(packing.positions), len(grain.radii)
-    scale = np.ones(n) if packing.scales is None else np.array(packing.scales, dtype=np.float64)
+    scale = np.array(sizes(packing), dtype=np.float64)
     kinematics = np.zeros((n, 16))
     kinematics[:, :3] = packing.positions
     if setup.velocities is not None:
@@ -148,7 +148,7 @@ def new_state(setup: Setup, moving: Moving) -> State:
         [grain.mass * scale**3, np.asarray(grain.inertia) * (scale**5)[:, None]]
     )
     in_body = np.einsum("nij,ni->nj", rotation, kinematics[:, 6:9]) * inertia[:, 1:]
-    counts = np.zeros(8, dtype=np.int64)
+    counts = np.zeros(7, dtype=np.int64)
     counts[GRAINS], counts[STALE] = n, 1
     place = np.zeros((n * k, 4))
     turned = np.einsum("nij,kj->nki", rotation, grain.offsets) * scale[:, None, None]

@@ -1,16 +1,15 @@
 import pickle
-import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
+from engine_scenes import ENGINES
 
 from fidelity.bound import filling_time_bound
 from fidelity.bullet import BulletEngine
 from fidelity.dosing import design, dosing_problem
 from fidelity.dosing_level import DosingLevel
 from fidelity.engine import Engine
-from fidelity.numba_engine import NumbaEngine
 from fidelity.settings import DemSettings, DosingSettings
 from fidelity.yade import YadeEngine
 from mfopt.arrays import Array
@@ -20,18 +19,6 @@ from mfopt.outcome import Outcome
 SETTINGS = DosingSettings()
 PROBLEM = dosing_problem(SETTINGS)
 DEM = DemSettings(grains=100, spheres_per_grain=1, time_limit_s=300)
-ENGINES = [
-    pytest.param(NumbaEngine(), id="numba"),
-    pytest.param(BulletEngine(), id="bullet"),
-    pytest.param(
-        YadeEngine(),
-        id="yade",
-        marks=[
-            pytest.mark.yade,
-            pytest.mark.skipif(shutil.which("yade") is None, reason="YADE is not installed"),
-        ],
-    ),
-]
 
 
 def with_values(**values: float) -> Array:
