@@ -1,0 +1,1 @@
+"""Searches compared: how much does it cost to reach a good design, and how surely?"""
