@@ -13,7 +13,7 @@ Noise 5 is normal with 5 % of the function's range, 30 with 30 % of the value ab
 the range is the median value of random designs above the optimum.
 """
 
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -177,9 +177,7 @@ def _bad_level(
 
 def _wing(instance: int) -> Case:
     x0 = np.random.default_rng((20_241, instance)).uniform(WING_LOWER, WING_UPPER)
-    levels: tuple[Function, ...] = tuple(
-        (lambda x, level=level: wing_weight(x, level)) for level in range(4)
-    )
+    levels = tuple(partial(wing_weight, level=level) for level in range(4))
     best = float(wing_weight(WING_BEST, 3))
     return Case(
         "wing", instance, WING_LOWER, WING_UPPER, x0, levels, (1.0, 10.0, 100.0, 1000.0), best

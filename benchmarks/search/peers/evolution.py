@@ -32,8 +32,8 @@ def spend(case: Case, budget: float, seed: int, method: Callable[[Meter], None])
         warnings.simplefilter("ignore")  # of cma: flat fitness, injected solutions
         try:
             method(meter)
-        except Spent:
-            why = "budget spent"
+        except Spent as spent:
+            why = str(spent)
     return meter.trace(why)
 
 

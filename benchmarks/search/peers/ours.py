@@ -48,9 +48,8 @@ def run_search(build: Build, case: Case, budget: float, seed: int) -> Trace:
     search = build(case, budget, seed)
     recommended: Callable[[], Array] | None = getattr(search, "recommended", None)
     meter = Meter(case, budget, seed, follow_best=recommended is None)
-    why = "budget spent"
     try:
-        while (reason := search.should_stop()) is None:
+        while (why := search.should_stop()) is None:
             began = time.process_time()
             candidates = search.ask()
             asked_s = time.process_time() - began
@@ -60,9 +59,8 @@ def run_search(build: Build, case: Case, budget: float, seed: int) -> Trace:
             if recommended is not None:
                 meter.recommend(_z(case, recommended()), int(candidates[-1].level))
             meter.slowest_s = max(meter.slowest_s, asked_s + time.process_time() - began)
-        why = reason
-    except Spent:
-        pass
+    except Spent as spent:
+        why = str(spent)
     return meter.trace(why)
 
 

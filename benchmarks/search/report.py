@@ -1,0 +1,207 @@
+"""Tables and figure of a search against its peers, from the result files.
+
+python -m benchmarks.search.report --search NAME --in benchmarks/search/results
+    [--out benchmarks/search/results] [--kind reported]
+"""
+
+import argparse
+import math
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.search.results import Result, read_suite
+from benchmarks.search.score import (
+    NOISE_FREE_TARGETS,
+    NOISY_TARGETS,
+    Ratio,
+    Summary,
+    compare,
+    share,
+)
+from benchmarks.search.suites import SUITES, UNIMODAL
+
+
+@dataclass(frozen=True, slots=True)
+class Regime:
+    """One row of the table: what is compared with what, and the factor asked for."""
+
+    title: str
+    suite: str
+    targets: tuple[int, ...]
+    peers: tuple[str, ...] | None  # None: all there are, our own searches left out
+    at_least: float
+    aim: str
+    unimodal: bool = False
+
+
+REGIMES = (
+    Regime("noise-free, one level: to pycma", "noise-free", NOISE_FREE_TARGETS, ("pycma",),
+           2.0, "3"),
+    Regime("noisy, one level: to the best of pycma, LRA", "noisy", NOISY_TARGETS, ("pycma", "lra"),
+           1.5, "2.5"),
+    Regime("ladder: to CMA-ES on the full level, 10 %, unimodal", "ladder", (20,), ("pycma",), 20.0,
+           "60", unimodal=True),
+    Regime("ladder: to the best peer", "ladder", NOISY_TARGETS, None, 1.3, "2-3"),
+    Regime("useless or misleading level: to the full level alone", "bad", NOISY_TARGETS, ("pycma",),
+           1.0 / 1.2, "1"),
+)  # fmt: skip
+
+OWN = "mfopt"  # names of our own searches begin so
+MOST_NAMED = 400  # lost cases in the table; beyond them a count
+
+
+def report(directory: Path, search: str, kind: str) -> tuple[str, dict[str, Summary]]:
+    """The tables as Markdown, and the summaries that the figure is drawn from."""
+    rows, lost, summaries = [], [], {}
+    for regime in REGIMES:
+        results = read_suite(directory, kind, regime.suite)
+        ours = results.get(search, [])
+        others = _others(results, regime)
+        if not ours or not others:
+            rows.append(f"| {regime.title} | - | {regime.at_least:.2g} | {regime.aim} | not run |")
+            continue
+        summary = compare(ours, others, regime.targets, cases=_cases(regime))
+        summaries[regime.title] = summary
+        rows.append(_row(regime, summary, ours))
+        lost += [f"\n### {regime.title}\n", *_by_peer(ours, others, regime), *_lost(summary)]
+    head = [
+        f"# {search} against its peers, {kind} instances\n",
+        "Ratio of expected running times, failures counted; above 1 ours is cheaper. The best "
+        "peer is chosen anew on each case and target. Intervals: 95 %, bootstrap over instances.\n",
+        "| regime | median ratio | at least | aim | cases x targets |",
+        "|---|---|---|---|---|",
+    ]
+    return "\n".join([*head, *rows, *lost, *_cpu(directory, search, kind)]) + "\n", summaries
+
+
+def draw(summaries: Mapping[str, Summary], path: Path) -> None:
+    """One strip a regime: the ratio on each case and target with its interval."""
+    import matplotlib
+
+    matplotlib.use("svg")
+    from matplotlib import pyplot as plt
+
+    figure, axes = plt.subplots(
+        len(summaries), 1, figsize=(8, 1.2 + 1.8 * len(summaries)), squeeze=False
+    )
+    for axis, (title, summary) in zip(axes[:, 0], summaries.items(), strict=True):
+        ratios = sorted(summary.ratios, key=lambda r: r.ratio)
+        for place, r in enumerate(ratios):
+            low, middle, high = (min(max(v, 1e-2), 1e3) for v in (r.low, r.ratio, r.high))
+            colour = "tab:red" if r.ratio < 1.0 else "tab:blue"
+            axis.plot([place, place], [low, high], color=colour, linewidth=0.8, alpha=0.5)
+            axis.plot(place, middle, ".", color=colour, markersize=4)
+        axis.axhline(1.0, color="black", linewidth=0.8)
+        axis.set_yscale("log")
+        axis.set_ylabel("cost ratio")
+        axis.set_title(title, fontsize=9)
+        axis.set_xticks([])
+    axes[-1, 0].set_xlabel("cases and targets, sorted")
+    figure.tight_layout()
+    figure.savefig(path, metadata={"Date": None})
+    plt.close(figure)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Write tables and figure."""
+    parser = argparse.ArgumentParser(prog="report", description="a search against its peers")
+    parser.add_argument("--search", required=True)
+    parser.add_argument("--in", dest="directory", type=Path, required=True)
+    parser.add_argument("--out", type=Path)
+    parser.add_argument("--kind", choices=("tuning", "reported"), default="reported")
+    given = parser.parse_args(arguments)
+    text, summaries = report(given.directory, given.search, given.kind)
+    print(text)
+    if given.out is not None:
+        given.out.mkdir(parents=True, exist_ok=True)
+        stem = f"{given.search}-{given.kind}"
+        (given.out / f"{stem}.md").write_text(text)
+        if summaries:
+            draw(summaries, given.out / f"{stem}.svg")
+    return 0
+
+
+def _others(results: Mapping[str, list[Result]], regime: Regime) -> dict[str, list[Result]]:
+    if regime.peers is None:
+        return {name: rows for name, rows in results.items() if not name.startswith(OWN)}
+    return {name: results[name] for name in regime.peers if name in results}
+
+
+def _cases(regime: Regime) -> list[str]:
+    names = SUITES[regime.suite]
+    if not regime.unimodal:
+        return list(names)
+    wanted = [f"/f{n}/" for n in UNIMODAL]
+    return [n for n in names if n == "wing" or any(w in n for w in wanted)]
+
+
+def _row(regime: Regime, s: Summary, ours: Sequence[Result]) -> str:
+    instances = len({r.instance for r in ours})
+    counted = f"{len(s.ratios)}, lost {len(s.lost)}, unreached {len(s.unreached)}"
+    return (
+        f"| {regime.title} | {_times(s.median)} ({_times(s.low)} to {_times(s.high)}) "
+        f"| {regime.at_least:.2g} | {regime.aim} | {counted}; {instances} instances |"
+    )
+
+
+def _by_peer(
+    ours: Sequence[Result], others: Mapping[str, Sequence[Result]], regime: Regime
+) -> list[str]:
+    """Median ratio to each peer alone."""
+    lines = ["| peer alone | median ratio | lost |", "|---|---|---|"]
+    for name, rows in others.items():
+        s = compare(ours, {name: rows}, regime.targets, cases=_cases(regime))
+        lines.append(
+            f"| {name} | {_times(s.median)} ({_times(s.low)} to {_times(s.high)}) "
+            f"| {len(s.lost)} of {len(s.ratios)} |"
+        )
+    return lines
+
+
+def _lost(summary: Summary) -> list[str]:
+    if not summary.ratios:
+        return ["\nNo target was reached by anyone."]
+    lines = ["\nLost:" if summary.lost else "\nNo case is lost."]
+    if summary.lost:
+        lines += [
+            "",
+            "| case | target | ratio | hits, ours and theirs | to |",
+            "|---|---|---|---|---|",
+        ]
+    lines += [_lost_row(r) for r in summary.lost[:MOST_NAMED]]
+    if summary.unreached:
+        names = ", ".join(f"{case} at {share(target)}" for case, target in summary.unreached)
+        lines.append(f"\nReached by nobody: {names}.")
+    return lines
+
+
+def _lost_row(r: Ratio) -> str:
+    return (
+        f"| {r.case} | {share(r.target)} | {_times(r.ratio)} ({_times(r.low)} to {_times(r.high)}) "
+        f"| {r.hits[0]}, {r.hits[1]} of {r.instances} | {r.other} |"
+    )
+
+
+def _cpu(directory: Path, search: str, kind: str) -> list[str]:
+    """The search's own processor time."""
+    lines = ["\n## Own processor time\n", "| suite | median of a run | longest ask + tell |",
+             "|---|---|---|"]  # fmt: skip
+    for suite in SUITES:
+        traces = [r.trace for r in read_suite(directory, kind, suite).get(search, [])]
+        if traces:
+            median = float(np.median([t.cpu_s for t in traces]))
+            longest = max(t.slowest_s for t in traces)
+            lines.append(f"| {suite} | {median:.1f} s | {longest:.2f} s |")
+    return lines
+
+
+def _times(ratio: float) -> str:
+    return "never" if ratio == 0.0 else "inf" if math.isinf(ratio) else f"{ratio:.2f}"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

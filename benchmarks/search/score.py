@@ -1,0 +1,179 @@
+"""Cost to a target as expected running time, and how two methods compare.
+
+A run hits a target when its recommendation enters the target set for the last time; a hit that
+does not last to the end of the trace is none. The expected running time (ERT) is all that was
+spent, up to the hit or to the end of a run that failed, over the number of hits.
+
+Source: Hansen, Auger, Brockhoff, Tusar & Tusar, COCO: performance assessment, arXiv:1605.03560.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.search.case import CELLS_PER_DECADE, Array, Trace
+from benchmarks.search.results import Result
+
+RESAMPLES = 1000
+NOISE_FREE_TARGETS = (20, 40, 60, 80)  # cells: 10 %, 1 %, 0.1 %, 1e-4 of the first gap
+NOISY_TARGETS = (20, 30, 40)  # 10 %, 3.2 %, 1 %
+
+Key = tuple[str, int]  # case, target cell
+
+
+@dataclass(frozen=True, slots=True)
+class Ratio:
+    """How many times cheaper ours is than the other, on one case and target."""
+
+    case: str
+    target: int
+    other: str  # the method compared with
+    ratio: float  # above 1: ours is cheaper; 0 or infinite: only one ever hit
+    low: float  # 95 % interval, bootstrap over instances
+    high: float
+    ours: float  # ERT in cost units
+    theirs: float
+    hits: tuple[int, int]  # of ours and theirs
+    instances: int
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """The median ratio over cases and targets."""
+
+    median: float
+    low: float
+    high: float
+    ratios: tuple[Ratio, ...]
+    unreached: tuple[Key, ...]  # hit by neither
+
+    @property
+    def lost(self) -> tuple[Ratio, ...]:
+        """Where ours is dearer, worst first."""
+        return tuple(sorted((r for r in self.ratios if r.ratio < 1.0), key=lambda r: r.ratio))
+
+
+def hit(trace: Trace, target: int) -> float | None:
+    """Cost at which the recommendation reached the target to stay; None if it never did."""
+    entered: float | None = None
+    for cost, cell in zip(trace.costs, trace.cells, strict=True):
+        if cell < target:
+            entered = None
+        elif entered is None:
+            entered = cost
+    return entered
+
+
+def expected_running_time(traces: Sequence[Trace], target: int) -> float:
+    """ERT: all that was spent until a hit or the end, over the number of hits."""
+    spent, hits = _spent_and_hits(traces, target)
+    return float(spent.sum() / hits.sum()) if hits.any() else np.inf
+
+
+def share(target: int) -> str:
+    """A target in words: the share of the first gap that may be left."""
+    left = 10.0 ** (-target / CELLS_PER_DECADE)
+    return f"{100.0 * left:.2g} %" if left >= 1e-3 else f"{left:.0e}"
+
+
+def by_case(results: Sequence[Result]) -> dict[str, dict[int, Trace]]:
+    """Traces by case and instance.
+
+    Raises:
+        ValueError: if an instance was run twice, with two budgets for example.
+    """
+    cases: dict[str, dict[int, Trace]] = {}
+    for result in results:
+        traces = cases.setdefault(result.case, {})
+        if result.instance in traces:
+            raise ValueError(
+                f"{result.peer}, {result.case}, instance {result.instance} is there twice; "
+                "keep one budget a file"
+            )
+        traces[result.instance] = result.trace
+    return cases
+
+
+def compare(
+    ours: Sequence[Result],
+    others: Mapping[str, Sequence[Result]],
+    targets: Sequence[int],
+    *,
+    cases: Sequence[str] | None = None,
+    seed: int = 1,
+) -> Summary:
+    """Ours against the best of the others on each case and target, over common instances.
+
+    The best is chosen case by case with the full results, which favours the others.
+    """
+    rng = np.random.default_rng(seed)
+    mine, theirs = by_case(ours), {name: by_case(rows) for name, rows in others.items()}
+    ratios, samples, unreached = [], [], []
+    for case in sorted(mine) if cases is None else cases:
+        for target in targets:
+            found = _compare_case(mine.get(case, {}), theirs, case, target, rng)
+            if found is None:
+                unreached.append((case, target))
+            else:
+                ratios.append(found[0])
+                samples.append(found[1])
+    if not ratios:
+        return Summary(np.nan, np.nan, np.nan, (), tuple(unreached))
+    medians = np.median(np.array(samples), axis=0)
+    low, high = _interval(medians)
+    median = float(np.median([r.ratio for r in ratios]))
+    return Summary(median, low, high, tuple(ratios), tuple(unreached))
+
+
+def _compare_case(
+    mine: Mapping[int, Trace],
+    theirs: Mapping[str, Mapping[str, Mapping[int, Trace]]],
+    case: str,
+    target: int,
+    rng: np.random.Generator,
+) -> tuple[Ratio, Array] | None:
+    """The ratio on one case and its bootstrap sample; None if nobody hit or nothing was run."""
+    best, best_time = "", np.inf
+    for name, cases in theirs.items():
+        common = [t for i, t in cases.get(case, {}).items() if i in mine]
+        if common and (expected_running_time(common, target) < best_time or not best):
+            best, best_time = name, expected_running_time(common, target)
+    if not best:
+        return None
+    instances = sorted(set(mine) & set(theirs[best][case]))
+    a = _spent_and_hits([mine[i] for i in instances], target)
+    b = _spent_and_hits([theirs[best][case][i] for i in instances], target)
+    if not (a[1].any() or b[1].any()):
+        return None
+    picks = rng.integers(len(instances), size=(RESAMPLES, len(instances)))
+    sample = _ratio(*(v[picks].sum(axis=1) for v in (*a, *b)))
+    ratio = float(_ratio(*(np.array([v.sum()]) for v in (*a, *b)))[0])
+    low, high = _interval(sample)
+    times = [float(s.sum() / h.sum()) if h.any() else np.inf for s, h in (a, b)]
+    hits = (int(a[1].sum()), int(b[1].sum()))
+    return Ratio(
+        case, target, best, ratio, low, high, times[0], times[1], hits, len(instances)
+    ), sample
+
+
+def _spent_and_hits(traces: Sequence[Trace], target: int) -> tuple[Array, NDArray[np.int64]]:
+    hits = [hit(trace, target) for trace in traces]
+    spent = [t.cost if h is None else h for h, t in zip(hits, traces, strict=True)]
+    return np.array(spent), np.array([h is not None for h in hits], dtype=np.int64)
+
+
+def _ratio(a_spent: Array, a_hits: Array, b_spent: Array, b_hits: Array) -> Array:
+    """ERT of b over ERT of a; 1 where neither hit, 0 or infinite where one did."""
+    neither = (a_hits == 0) & (b_hits == 0)
+    top, bottom = b_spent * a_hits, np.maximum(a_spent, 1e-9) * b_hits
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(
+            neither, 1.0, np.where(bottom > 0, top / np.maximum(bottom, 1e-300), np.inf)
+        )
+
+
+def _interval(sample: Array) -> tuple[float, float]:
+    low, high = np.quantile(sample, [0.025, 0.975], method="inverted_cdf")
+    return float(low), float(high)
