@@ -1,1 +1,1 @@
-"""Gaussian processes over levels and over time series; empty so far."""
+"""Gaussian processes: autoregressive over levels."""

@@ -1,0 +1,77 @@
+"""The output transform: identity below a knot, logarithmic compression above it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mfopt.arrays import Array, IntArray
+
+NODES, NODE_WEIGHTS = np.polynomial.hermite_e.hermegauss(20)
+NODE_WEIGHTS = NODE_WEIGHTS / NODE_WEIGHTS.sum()
+LARGEST_EXPONENT = 200.0  # beyond this the inverse would overflow when squared
+
+
+@dataclass(frozen=True, slots=True)
+class Warp:
+    """A strictly monotone map with a continuous derivative.
+
+    T(f) = f for f <= m, m + s log(1 + (f - m) / s) above. The good half of the values keeps its
+    shape, so a quadratic bowl stays quadratic where it matters; huge values lose their weight.
+
+    Args:
+        knot: m, in units of the objective.
+        scale: s > 0, in units of the objective; the larger, the weaker the compression.
+    """
+
+    knot: float
+    scale: float
+
+    def compressed(self, logarithm: float) -> "Warp":
+        """The same with its scale multiplied by exp(`logarithm`)."""
+        return Warp(self.knot, self.scale * float(np.exp(logarithm)))
+
+    def forward(self, value: Array) -> Array:
+        """T(f)."""
+        above = np.maximum(value - self.knot, 0.0)
+        return np.minimum(value, self.knot) + self.scale * np.log1p(above / self.scale)
+
+    def slope(self, value: Array) -> Array:
+        """dT/df, in (0, 1]."""
+        return 1.0 / (1.0 + np.maximum(value - self.knot, 0.0) / self.scale)
+
+    def inverse(self, transformed: Array) -> Array:
+        """The f with T(f) = `transformed`; capped where it would overflow."""
+        above = np.clip((transformed - self.knot) / self.scale, 0.0, LARGEST_EXPONENT)
+        return np.minimum(transformed, self.knot) + self.scale * np.expm1(above)
+
+    def moments(self, mean: Array, variance: Array, floor: float = -np.inf) -> tuple[Array, Array]:
+        """Mean and variance of max(floor, T^-1(y)) for y ~ N(mean, variance).
+
+        By Gauss-Hermite quadrature with 20 nodes.
+        """
+        y = mean[:, None] + np.sqrt(variance)[:, None] * NODES
+        values = np.maximum(self.inverse(y), floor)
+        first = values @ NODE_WEIGHTS
+        return first, (values - first[:, None]) ** 2 @ NODE_WEIGHTS
+
+
+def warp_of_objective(value: Array, level: IntArray, fewest: int = 10) -> Warp:
+    """The default transform of finite values (n,): knot at the median, scale median - minimum.
+
+    Both are taken at the finest level with at least `fewest` values, else over all values.
+    """
+    for finest in sorted(set(level.tolist()), reverse=True):
+        chosen = value[level == finest]
+        if len(chosen) >= fewest:
+            break
+    else:
+        chosen = value
+    knot = float(np.median(chosen))
+    below, above = knot - float(chosen.min()), float(chosen.max()) - knot
+    return Warp(knot, below or above or max(1.0, abs(knot)))
+
+
+def warp_of_count(count: Array) -> Warp:
+    """The default transform of counts (n,): logarithmic from 0 on the scale of their median."""
+    positive = count[count > 0.0]
+    return Warp(0.0, float(np.median(positive)) if len(positive) else 1.0)
