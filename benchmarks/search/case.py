@@ -2,6 +2,7 @@
 
 import math
 import time
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -118,11 +119,21 @@ class Meter:
         seed: of the noise.
         follow_best: recommend the best value measured on the highest level used so far;
             otherwise the search itself says what it recommends.
+        limit_s: processor time [s] that the search itself may take.
     """
 
-    def __init__(self, case: Case, budget: float, seed: int, *, follow_best: bool) -> None:
+    def __init__(
+        self,
+        case: Case,
+        budget: float,
+        seed: int,
+        *,
+        follow_best: bool,
+        limit_s: float = math.inf,
+    ) -> None:
         self.case = case
         self.budget = budget
+        self.limit_s = limit_s
         self.cost = 0.0
         self.runs = [0] * len(case.levels)
         self.slowest_s = 0.0
@@ -146,6 +157,8 @@ class Meter:
         level = self.case.target if level is None else level
         if self.cost + self.case.costs[level] > self.budget * (1.0 + 1e-12):
             raise Spent("budget spent")
+        if began - self._began - self._evaluating_s > self.limit_s:
+            raise Spent("time limit")
         if self._cells[-1] == LAST_CELL and not self.case.noisy and self.case.target == 0:
             raise Spent("solved")
         self.cost += self.case.costs[level]
@@ -181,3 +194,26 @@ class Meter:
         self._costs.append(self.cost)
         self._cells.append(cell)
         self._levels.append(level)
+
+
+def spend(
+    case: Case,
+    budget: float,
+    seed: int,
+    method: Callable[[Meter], None],
+    *,
+    limit_s: float = math.inf,
+) -> Trace:
+    """Let a method run until nothing is left to spend.
+
+    Recommended is the best value measured; under noise what the method says.
+    """
+    meter = Meter(case, budget, seed, follow_best=not case.noisy, limit_s=limit_s)
+    why = "the method ended"
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of cma: flat fitness, injected solutions; and others'
+        try:
+            method(meter)
+        except Spent as spent:
+            why = str(spent)
+    return meter.trace(why)

@@ -23,10 +23,9 @@ from benchmarks.search.suites import SUITES, case_named, default_budget
 BUDGET_FACTORS = {  # by suite, then by peer
     "noise-free": {"pycma": 4.0, "lra": 4.0},
     "noisy": {},
-    "ladder": {"pycma": 15.0, "lra": 15.0, "warm-start": 15.0, "ladder-stall": 4.0,
+    "ladder": {"pycma": 15.0, "lra": 15.0, "warm-start": 4.0, "ladder-stall": 4.0,
                "kendall-tau": 4.0},
-    "bad": {"pycma": 15.0, "lra": 15.0, "warm-start": 15.0, "ladder-stall": 15.0,
-            "kendall-tau": 15.0},
+    "bad": {"pycma": 15.0, "lra": 15.0, "ladder-stall": 4.0, "kendall-tau": 4.0},
 }  # fmt: skip
 
 Task = tuple[str, str, str, int, float]  # suite, peer, case, instance, budget

@@ -4,10 +4,12 @@ from collections.abc import Callable, Mapping
 
 from benchmarks.search.case import Case, Trace
 from benchmarks.search.peers.cmaes_peers import lra, warm_start
+from benchmarks.search.peers.external import EXTERNAL
 from benchmarks.search.peers.kendall import kendall_tau
 from benchmarks.search.peers.ladder import ladder_shares, ladder_stall
 from benchmarks.search.peers.ours import OURS
 from benchmarks.search.peers.pycma import lq, noise_handler, pycma
+from benchmarks.search.peers.turbo import turbo
 
 Peer = Callable[[Case, float, int], Trace]
 
@@ -20,5 +22,7 @@ PEERS: Mapping[str, Peer] = {
     "ladder-stall": ladder_stall,
     "ladder-shares": ladder_shares,
     "kendall-tau": kendall_tau,
+    "turbo": turbo,
+    **EXTERNAL,
     **OURS,
 }

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from cmaes import CMA, get_warm_start_mgd
 
-from benchmarks.search.case import Array, Case, Meter, Trace
-from benchmarks.search.peers.evolution import Runs, spend, strategy
+from benchmarks.search.case import Array, Case, Meter, Trace, spend
+from benchmarks.search.peers.evolution import Runs, strategy
 
 SOURCE_RUNS = 30  # evaluations per variable on the cheap level, by CMA-ES
 

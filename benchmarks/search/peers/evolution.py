@@ -1,13 +1,11 @@
 """CMA-ES of pycma in the unit cube, as several peers use it."""
 
-import warnings
-from collections.abc import Callable
 from typing import Any
 
 import cma
 import numpy as np
 
-from benchmarks.search.case import Array, Case, Meter, Spent, Trace
+from benchmarks.search.case import Array, Meter
 
 
 def strategy(z0: Array, sigma: float, rng: np.random.Generator, **options: Any) -> Any:
@@ -22,19 +20,6 @@ def strategy(z0: Array, sigma: float, rng: np.random.Generator, **options: Any) 
 def mean_of(es: Any) -> Array:
     """The mean of the distribution, inside the cube: what pycma calls its favourite."""
     return np.asarray(es.result.xfavorite)
-
-
-def spend(case: Case, budget: float, seed: int, method: Callable[[Meter], None]) -> Trace:
-    """Let a method run until the budget is spent; best measured value, or its own word if noisy."""
-    meter = Meter(case, budget, seed, follow_best=not case.noisy)
-    why = "the method ended"
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of cma: flat fitness, injected solutions
-        try:
-            method(meter)
-        except Spent as spent:
-            why = str(spent)
-    return meter.trace(why)
 
 
 class Runs:

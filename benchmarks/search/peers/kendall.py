@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from scipy.stats import kendalltau
 
-from benchmarks.search.case import Case, Meter, Trace
-from benchmarks.search.peers.evolution import Runs, mean_of, spend
+from benchmarks.search.case import Case, Meter, Trace, spend
+from benchmarks.search.peers.evolution import Runs, mean_of
 
 BETA = 1.0
 THRESHOLD = 0.5

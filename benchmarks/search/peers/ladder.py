@@ -14,8 +14,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from benchmarks.search.case import Array, Case, Meter, Trace
-from benchmarks.search.peers.evolution import mean_of, spend, strategy
+from benchmarks.search.case import Array, Case, Meter, Trace, spend
+from benchmarks.search.peers.evolution import mean_of, strategy
 
 PATIENCE = 10  # generations
 PROGRESS = 0.01

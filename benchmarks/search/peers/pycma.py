@@ -11,8 +11,8 @@ from typing import Any
 import cma
 import numpy as np
 
-from benchmarks.search.case import Case, Meter, Trace
-from benchmarks.search.peers.evolution import Runs, mean_of, spend
+from benchmarks.search.case import Case, Meter, Trace, spend
+from benchmarks.search.peers.evolution import Runs, mean_of
 
 MOST_REEVALUATIONS = 30  # as pycma's own example sets it
 

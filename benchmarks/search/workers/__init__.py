@@ -1,0 +1,1 @@
+"""Methods with clashing dependencies, each importable only in its own environment."""
