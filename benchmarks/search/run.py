@@ -25,7 +25,7 @@ BUDGET_FACTORS = {  # by suite, then by peer
     "noisy": {},
     "ladder": {"pycma": 15.0, "lra": 15.0, "warm-start": 4.0, "ladder-stall": 4.0,
                "kendall-tau": 4.0},
-    "bad": {"pycma": 15.0, "lra": 15.0, "ladder-stall": 4.0, "kendall-tau": 4.0},
+    "bad": {"pycma": 3.0},
 }  # fmt: skip
 
 Task = tuple[str, str, str, int, float]  # suite, peer, case, instance, budget

@@ -21,7 +21,7 @@ def test_nothing_is_below_the_optimum(name: str) -> None:
     assert list(case.costs) == sorted(case.costs)
 
 
-@pytest.mark.parametrize("number", [1, 6, 9, 10, 13, 15, 21, 107, 116, 122])
+@pytest.mark.parametrize("number", [1, 6, 9, 10, 13, 15, 21, 107, 116, 119])
 def test_the_optimum_is_reached(number: int) -> None:
     name = f"bbob/f{number}/d13" if number < 100 else f"noisy/f{number}/d13"
     case = case_named(name, 102)
@@ -58,7 +58,7 @@ def test_noise_is_of_the_generator_alone(name: str) -> None:
         for rng in map(np.random.default_rng, (3, 3, 4))
     )
     assert first == again
-    if name != "noisy/f118/d13" and name != "noisy/f109/d13":  # seldom Cauchy: mostly constant
+    if name != "noisy/f118/d13":  # seldom Cauchy: mostly constant
         assert first != other
 
 
@@ -154,4 +154,5 @@ def test_cells_hold_the_targets_exactly() -> None:
 def test_budgets() -> None:
     assert default_budget(case_named("bbob/f1/d13", 1)) == 780
     assert default_budget(case_named("noisy/f107/d13", 1)) == 600
-    assert default_budget(case_named("bad/f1/useless", 1)) == 40 * 64
+    assert default_budget(case_named("wing", 1)) == 40 * 1000
+    assert default_budget(case_named("bad/f1/useless", 1)) == 200 * 64
