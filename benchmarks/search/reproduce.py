@@ -14,7 +14,7 @@ from benchmarks.search.suites import SUITES
 ROOT = Path(__file__).parents[2]
 FULL = ROOT / "benchmarks" / "search" / "results"
 REDUCED = ROOT / "build" / "search-reduced"
-LADDERS = ("ladder-stall", "ladder-shares", "kendall-tau", "warm-start")
+LADDERS = ("ladder-stall", "ladder-shares", "ladder-short", "kendall-tau", "warm-start")
 PEERS = {
     "noise-free": ("pycma", "lra", "lq"),
     "noisy": ("pycma", "lra", "noise-handler", "lq"),

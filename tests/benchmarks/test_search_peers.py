@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.search.peers import PEERS
+from benchmarks.search.peers import PEERS, external
 from benchmarks.search.peers.ladder import stalled
 from benchmarks.search.peers.ours import planned_cmaes, run_search
 from benchmarks.search.results import read, result_file
@@ -55,6 +55,13 @@ def test_ladder_stall_climbs_to_the_target() -> None:
     assert min(trace.runs) > 0
 
 
+def test_the_short_plan_spends_half() -> None:
+    case = case_named("ladder/f1/b0.3/n0", 1)
+    trace = PEERS["ladder-short"](case, 2560.0, 1)
+    assert min(trace.runs) > 0
+    assert 1100 < trace.cost <= 1280
+
+
 def test_stalled() -> None:
     falling = [100.0 - i for i in range(50)]
     assert not stalled(falling, 5, 0.01)
@@ -83,3 +90,17 @@ def test_runs_resume(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     results = list(read(result_file(tmp_path, "noisy", "pycma", 1)))
     assert len({(r.case, r.instance) for r in results}) == len(results) == 6
     assert main([*words, "--instances", "1", "101", "--out", str(tmp_path)]) == 2
+
+
+def test_turbo_goes_down_and_repeats() -> None:
+    case = case_named("bbob/f1/d10", 1)
+    trace, again = (PEERS["turbo"](case, 60.0, 1) for _ in range(2))
+    assert trace.cells == again.cells
+    assert trace.cost == 60.0
+    assert hit(trace, 10) is not None  # a third of the first gap; CMA-ES needs about as many
+
+
+def test_a_missing_environment_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(external, "ROOT", tmp_path)
+    with pytest.raises(FileNotFoundError, match="environments smac"):
+        PEERS["smac"](case_named("bbob/f1/d10", 1), 60.0, 1)

@@ -6,7 +6,7 @@ from benchmarks.search.case import Case, Trace
 from benchmarks.search.peers.cmaes_peers import lra, warm_start
 from benchmarks.search.peers.external import EXTERNAL
 from benchmarks.search.peers.kendall import kendall_tau
-from benchmarks.search.peers.ladder import ladder_shares, ladder_stall
+from benchmarks.search.peers.ladder import ladder_shares, ladder_short, ladder_stall
 from benchmarks.search.peers.ours import OURS
 from benchmarks.search.peers.pycma import lq, noise_handler, pycma
 from benchmarks.search.peers.turbo import turbo
@@ -21,6 +21,7 @@ PEERS: Mapping[str, Peer] = {
     "warm-start": warm_start,
     "ladder-stall": ladder_stall,
     "ladder-shares": ladder_shares,
+    "ladder-short": ladder_short,
     "kendall-tau": kendall_tau,
     "turbo": turbo,
     **EXTERNAL,

@@ -4,7 +4,7 @@ The peer to beat. Two ways to say when to climb:
 
 - `ladder-stall`: when the median of a generation has not improved for `PATIENCE` generations
   by more than `PROGRESS` of what was gained on this level;
-- `ladder-shares`: when a level has used its share of the budget.
+- `ladder-shares`: when a level has used its share of the budget; `ladder-short` plans for half of it.
 
 The step size of a later level is `LATER_SIGMA`; on the last level restarts double the population.
 Settings are those that did best on the tuning instances (benchmarks/README.md).
@@ -17,10 +17,10 @@ import numpy as np
 from benchmarks.search.case import Array, Case, Meter, Trace, spend
 from benchmarks.search.peers.evolution import mean_of, strategy
 
-PATIENCE = 10  # generations
-PROGRESS = 0.01
-LATER_SIGMA = 0.1  # of the unit cube
-SHARES = (0.15, 0.25)  # of the budget, for the cheapest level and for the ones between
+PATIENCE = 5  # generations
+PROGRESS = 0.02
+LATER_SIGMA = 0.05  # of the unit cube
+SHARES = (0.3, 0.4)  # of the budget, for the cheapest level and for the ones between
 
 
 def ladder_stall(case: Case, budget: float, seed: int) -> Trace:
@@ -41,6 +41,11 @@ def ladder_shares(case: Case, budget: float, seed: int) -> Trace:
         return spent >= share * budget
 
     return spend(case, budget, seed, lambda meter: climb_ladder(meter, seed, used))
+
+
+def ladder_short(case: Case, budget: float, seed: int) -> Trace:
+    """A plan for half of the budget: cheaper to a loose target, more often short of a tight one."""
+    return ladder_shares(case, budget / 2.0, seed)
 
 
 def stalled(medians: list[float], patience: int = PATIENCE, progress: float = PROGRESS) -> bool:
