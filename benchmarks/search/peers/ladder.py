@@ -1,10 +1,11 @@
 """CMA-ES up a fixed ladder: restarted from the best design (noisy: from the mean) at each level.
 
-The peer to beat. Two ways to say when to climb:
+The peer to beat. Three ways to say when to climb:
 
 - `ladder-stall`: when the median of a generation has not improved for `PATIENCE` generations
   by more than `PROGRESS` of what was gained on this level;
-- `ladder-shares`: when a level has used its share of the budget; `ladder-short` plans for half of it.
+- `ladder-shares`: when a level has used its share of the budget;
+- `ladder-short`: the same, planned for half of the budget.
 
 The step size of a later level is `LATER_SIGMA`; on the last level restarts double the population.
 Settings are those that did best on the tuning instances (benchmarks/README.md).
