@@ -13,6 +13,7 @@ LEVEL_ARRAYS = (  # the fields of Hyperparameters with a row for each level
     "signal_variances",
     "trend_variances",
     "trend_offsets",
+    "separable_variances",
     "noise_variances",
     "rho",
 )
@@ -80,6 +81,7 @@ class Hyperparameters:
         signal_variances: (levels,) of the Matern part.
         trend_variances: (levels,) of the quadratic trend.
         trend_offsets: (levels,) of the quadratic trend: large means more linear.
+        separable_variances: (levels,) of the quadratic trend without products of inputs.
         noise_variances: (levels,) of one run.
         rho: (levels,) scale from the level below to this one; `rho[0]` is 0.
         compression: logarithm of the transform's scale over its default.
@@ -91,6 +93,7 @@ class Hyperparameters:
     signal_variances: Array
     trend_variances: Array
     trend_offsets: Array
+    separable_variances: Array
     noise_variances: Array
     rho: Array
     compression: float

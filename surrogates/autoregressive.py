@@ -8,15 +8,15 @@ import numpy as np
 from mfopt.arrays import Array
 from mfopt.errors import ConfigError
 from mfopt.surrogate import LEVEL_ARRAYS, Hyperparameters, LeftOut, Observations
-from surrogates.map_fit import default, maximise
-from surrogates.process import Process, condition
+from surrogates.gaussian_process import Process, condition
+from surrogates.map_fit import default, maximise, rougher
 from surrogates.training import Rows, rows_of, scaling_of, spread_rows, subset
 from surrogates.warp import Warp, warp_of_count, warp_of_objective
 
 FIT_ROWS = 300  # rows that the hyperparameters are learnt from; all are conditioned on
-FIRST_ITERATIONS = 25
+FIRST_ITERATIONS = 12  # from each of two starts, then again
 WARM_ITERATIONS = 8
-COUNT_ITERATIONS = 8
+COUNT_ITERATIONS = 6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -174,7 +174,8 @@ def _fit(rows: Rows, warp: Warp, start: Hyperparameters | None, iterations: int)
     hyperparameters = _aligned(start, rows.levels, rows.z.shape[1])
     if iterations:
         chosen = subset(rows, spread_rows(rows, FIT_ROWS))
-        hyperparameters = maximise(chosen, scaling, warp, hyperparameters, iterations)
+        starts = [hyperparameters] if start else [hyperparameters, rougher(hyperparameters)]
+        hyperparameters = maximise(chosen, scaling, warp, starts, iterations)
     return condition(rows, scaling, warp.compressed(hyperparameters.compression), hyperparameters)
 
 

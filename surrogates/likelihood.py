@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 import torch
 
-from surrogates.training import Rows, Scaling
+from surrogates.gaussian_process import FAILED_VARIANCE
+from surrogates.training import Rows, Scaling, outputs
 from surrogates.warp import Warp
 
 JITTERS = (1e-10, 1e-8, 1e-6, 1e-4, 1e-2)  # of the level's variance, 1
@@ -14,13 +15,15 @@ JITTERS = (1e-10, 1e-8, 1e-6, 1e-4, 1e-2)  # of the level's variance, 1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Data:
-    """Finished rows as tensors, sorted by level, and what maps their runs to outputs."""
+    """Rows as tensors, sorted by level, and what maps their runs to outputs."""
 
     x: torch.Tensor  # (n, d) standardised
     index: torch.Tensor  # (n,) level
     starts: tuple[int, ...]  # first row of each level
+    failed: torch.Tensor  # (n,)
+    assumed: torch.Tensor  # (n,) standardised output, for failed rows only
     replicates: torch.Tensor  # (n,)
-    group: torch.Tensor  # (runs,) row of each run
+    group: torch.Tensor  # (finished runs,) row of each
     value: torch.Tensor  # (runs,) objective
     warp: Warp
     centre: torch.Tensor  # (runs,)
@@ -39,12 +42,14 @@ class Data:
 
 
 def data_of(rows: Rows, scaling: Scaling, warp: Warp) -> Data:
-    """Tensors of the rows, none of which may be failed."""
+    """Tensors of the rows."""
     level = rows.index[rows.group]
     return Data(
         x=torch.from_numpy(scaling.inputs(rows.z)),
         index=torch.from_numpy(rows.index),
         starts=tuple(int(start) for start in rows.starts),
+        failed=torch.from_numpy(rows.failed),
+        assumed=torch.from_numpy(outputs(rows, warp, scaling)),
         replicates=torch.from_numpy(rows.replicates),
         group=torch.from_numpy(rows.group),
         value=torch.from_numpy(np.array(rows.value)),
@@ -88,21 +93,23 @@ def log_likelihood(
     """Log likelihood of all runs, up to a constant.
 
     The mean of k replicates has noise variance / k; their scatter around it tells of the noise
-    alone, with k - 1 degrees of freedom.
+    alone, with k - 1 degrees of freedom. Failed runs count as noisy runs of an assumed value.
 
     Args:
-        data: the finished runs.
+        data: the runs.
         covariance: (n, n) of the rows' noise-free values.
         log_noise: (levels,) logarithm of the noise variance of one run.
         compression: logarithm of the transform's scale over its default.
     """
     y, log_slopes = data.outputs(compression)
     total = torch.zeros(len(data.x), dtype=y.dtype).index_add(0, data.group, y)
-    means = total / data.replicates
+    means = torch.where(data.failed, data.assumed, total / data.replicates)
     noise = torch.exp(log_noise)
-    covariance = covariance + torch.diag(noise[data.index] / data.replicates)
+    diagonal = noise[data.index] / data.replicates
+    diagonal = torch.where(data.failed, diagonal.clamp(min=FAILED_VARIANCE), diagonal)
+    covariance = covariance + torch.diag(diagonal)
     density: torch.Tensor = LogDensity.apply(covariance, means)  # type: ignore[no-untyped-call]
     scatter = torch.zeros_like(means).index_add(0, data.group, (y - means[data.group]) ** 2)
-    freedom = data.replicates - 1
+    freedom = torch.where(data.failed, 0, data.replicates - 1)
     within = scatter / noise[data.index] + freedom * log_noise[data.index]
     return density - 0.5 * within.sum() + log_slopes

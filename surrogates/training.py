@@ -81,13 +81,13 @@ def subset(rows: Rows, keep: IntArray) -> Rows:
 
 
 def spread_rows(rows: Rows, limit: int) -> IntArray:
-    """Finished rows (ascending), at most `limit`: small levels whole, large ones thinned.
+    """Rows (ascending), at most `limit`: small levels whole, large ones thinned.
 
     Levels share the limit, what a small level leaves goes to the larger ones; within a level the
-    rows are spread evenly over the order of their values.
+    rows are spread evenly over the order of their values, failed ones last.
     """
-    means, left, chosen = group_means(rows, rows.value), limit, []
-    own = [np.flatnonzero((rows.index == k) & ~rows.failed) for k in range(len(rows.levels))]
+    means, left, chosen = group_means(rows, rows.value), limit, []  # nan sorts last
+    own = [np.flatnonzero(rows.index == k) for k in range(len(rows.levels))]
     own.sort(key=len)
     for k, candidates in enumerate(own):
         share = min(len(candidates), left // (len(own) - k))
