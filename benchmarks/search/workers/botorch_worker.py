@@ -57,7 +57,7 @@ def method(meter: Meter, seed: int) -> None:
         meter.recommend(best[0].numpy())
         acquisition = qMultiFidelityKnowledgeGradient(
             model, num_fantasies=32, current_value=best_value, cost_aware_utility=utility,
-            project=lambda X: project_to_target_fidelity(X, target_fidelities={d: 1.0}),
+            project=lambda X: project_to_target_fidelity(X, target_fidelities={d: 1.0}, d=d + 1),
         )  # fmt: skip
         candidate, _ = optimize_acqf_mixed(
             acquisition, bounds, q=1, fixed_features_list=[{d: f} for f in fidelities],
