@@ -86,6 +86,7 @@ class Hyperparameters:
         rho: (levels,) scale from the level below to this one; `rho[0]` is 0.
         compression: logarithm of the transform's scale over its default.
         counts: the same for each soft-constraint term; None for one that was 0 everywhere.
+        failure: the same for the share of failed runs; None where none failed.
     """
 
     levels: tuple[int, ...]
@@ -98,6 +99,7 @@ class Hyperparameters:
     rho: Array
     compression: float
     counts: tuple["Hyperparameters | None", ...] = ()
+    failure: "Hyperparameters | None" = None
 
     def __post_init__(self) -> None:
         for name in LEVEL_ARRAYS:
@@ -111,7 +113,8 @@ class LeftOut:
     Args:
         z: (n, d) the points, replicates once.
         level: (n,) their levels.
-        failed: (n,) whether the row stands for failed runs, whose value is assumed.
+        failed: (n,) whether the row stands for failed runs, whose value is assumed to be somewhat
+            worse than the worst finished one; these come last.
         replicates: (n,) runs behind the row.
         observed: (n,) mean of the transformed observations.
         mean: (n,) what the other rows predict for it.

@@ -1,14 +1,14 @@
 """The surrogate over levels: the objective's process beside one for each soft constraint."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from mfopt.arrays import Array
 from mfopt.errors import ConfigError
-from mfopt.surrogate import LEVEL_ARRAYS, Hyperparameters, LeftOut, Observations
+from mfopt.surrogate import LEVEL_ARRAYS, Hyperparameters, Observations
 from surrogates.gaussian_process import Process, condition
+from surrogates.levels_posterior import Failures, LevelsPosterior
 from surrogates.map_fit import default, maximise, rougher
 from surrogates.training import Rows, rows_of, scaling_of, spread_rows, subset
 from surrogates.warp import Warp, warp_of_count, warp_of_objective
@@ -16,111 +16,9 @@ from surrogates.warp import Warp, warp_of_count, warp_of_objective
 FIT_ROWS = 300  # rows that the hyperparameters are learnt from; all are conditioned on
 FIRST_ITERATIONS = 12  # from each of two starts, then again
 WARM_ITERATIONS = 8
-COUNT_ITERATIONS = 6
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class LevelsPosterior:
-    """Posterior of the objective: a process for its smooth part, one for each count.
-
-    On the transformed scale the parts are put together at their medians, and their variances by
-    the slopes there; without counts both are exact.
-    """
-
-    hyperparameters: Hyperparameters
-    main: Process
-    counts: tuple[Process, ...]  # of the terms that are not 0 everywhere
-    warp: Warp  # of the whole objective
-
-    def predict(self, z: Array, level: int) -> tuple[Array, Array]:
-        """Mean (m,) and variance (m,) of the noise-free objective at `z` (m, d)."""
-        mean, variance = self.main.warp.moments(*self.main.mean_variance(z, level))
-        for count in self.counts:
-            more, wider = count.warp.moments(*count.mean_variance(z, level), floor=0.0)
-            mean, variance = mean + more, variance + wider
-        return mean, variance
-
-    def latent(self, z: Array, level: int) -> tuple[Array, Array]:
-        """Mean (m,) and variance (m,) on the transformed scale."""
-        parts = [process.mean_variance(z, level) for process in (self.main, *self.counts)]
-        mean, slopes = self._together([part[0] for part in parts])
-        spread = [slope**2 * part[1] for slope, part in zip(slopes, parts, strict=True)]
-        return mean, np.sum(spread, axis=0)
-
-    def latent_gradient(self, z: Array, level: int) -> tuple[Array, Array]:
-        """Mean (m,) on the transformed scale and its gradient (m, d)."""
-        parts = [process.mean_gradient(z, level) for process in (self.main, *self.counts)]
-        mean, slopes = self._together([part[0] for part in parts])
-        turned = [slope[:, None] * part[1] for slope, part in zip(slopes, parts, strict=True)]
-        return mean, np.sum(turned, axis=0)
-
-    def _together(self, means: list[Array]) -> tuple[Array, list[Array]]:
-        """Transform the sum of the parts' medians; also its slopes along the parts."""
-        if not self.counts:
-            return means[0], [np.ones_like(means[0])]
-        processes = (self.main, *self.counts)
-        values = [p.warp.inverse(mean) for p, mean in zip(processes, means, strict=True)]
-        inner = [1.0 / p.warp.slope(v) for p, v in zip(processes, values, strict=True)]
-        for k in range(1, len(values)):
-            inner[k] = np.where(values[k] > 0.0, inner[k], 0.0)
-            values[k] = np.maximum(values[k], 0.0)
-        total = np.sum(values, axis=0)
-        outer = self.warp.slope(total)
-        return self.warp.forward(total), [outer * slope for slope in inner]
-
-    def sample(self, z: Array, level: int, draws: int, rng: np.random.Generator) -> Array:
-        """Joint draws (draws, m) of the noise-free objective at `z` (m, d)."""
-        total = self.main.warp.inverse(self.main.sample(z, level, draws, rng))
-        for count in self.counts:
-            total += np.maximum(count.warp.inverse(count.sample(z, level, draws, rng)), 0.0)
-        return total
-
-    def left_out(self) -> LeftOut:
-        """Predict each training row from all others, hyperparameters unchanged."""
-        rows = self.main.rows
-        parts = [self.main.left_out()]
-        observed = [self.main.observed]
-        for count in self.counts:  # their rows are the finished ones, in the same order
-            mean, variance, seen = (np.zeros(len(rows.z)) for _ in range(3))
-            mean[~rows.failed], variance[~rows.failed] = count.left_out()
-            seen[~rows.failed] = count.observed
-            if rows.failed.any():
-                for k, level in enumerate(rows.levels):
-                    lost = rows.failed & (rows.index == k)
-                    mean[lost], variance[lost] = count.mean_variance(rows.z[lost], level)
-            parts.append((mean, variance))
-            observed.append(seen)
-        mean, slopes = self._together([part[0] for part in parts])
-        spread = [slope**2 * part[1] for slope, part in zip(slopes, parts, strict=True)]
-        return LeftOut(
-            z=rows.z,
-            level=np.array(rows.levels, dtype=np.int64)[rows.index],
-            failed=rows.failed,
-            replicates=rows.replicates,
-            observed=self._together(observed)[0],
-            mean=mean,
-            variance=np.sum(spread, axis=0),
-        )
-
-    def noise_variance(self, level: int) -> float:
-        """Variance of one run on the transformed scale, on average over the training rows."""
-        processes = (self.main, *self.counts)
-        rows = self.main.rows
-        z = rows.z[~rows.failed]
-        _, slopes = self._together([process.mean(z, level) for process in processes])
-        noise = [
-            float(np.mean(slope**2)) * process.noise_variance(level)
-            for slope, process in zip(slopes, processes, strict=True)
-        ]
-        return sum(noise)
-
-    def transform(self, value: Array) -> Array:
-        """Objective to transformed scale."""
-        return self.warp.forward(value)
-
-    def inverse(self, transformed: Array) -> Array:
-        """Transformed scale to objective."""
-        return self.warp.inverse(transformed)
+COUNT_ITERATIONS = 6  # also for the share of failed runs
+FAILURE_MARGIN = 0.5  # a failed run is worse than the worst finished one by so many deviations
+UNCHANGED = Warp(1.0, 1.0)  # of shares in [0, 1]
 
 
 class AutoregressiveGp:
@@ -143,7 +41,8 @@ class AutoregressiveGp:
         smooth[finished] -= observations.counts[finished].sum(axis=1)
         warp = warp_of_objective(smooth[finished], level[finished])
         iterations = FIRST_ITERATIONS if start is None else WARM_ITERATIONS
-        main = _fit(rows_of(z, level, smooth), warp, start, iterations if refit else 0)
+        rows = rows_of(z[finished], level[finished], smooth[finished])
+        main = _fit(rows, warp, start, iterations if refit else 0)
         counts: list[Process | None] = []
         for k, count in enumerate(observations.counts[finished].T):
             if not count.any():
@@ -152,20 +51,37 @@ class AutoregressiveGp:
             own = start.counts[k] if start else None
             rows = rows_of(z[finished], level[finished], count)
             counts.append(_fit(rows, warp_of_count(count), own, COUNT_ITERATIONS if refit else 0))
-        return _posterior(observations, main, counts)
+        failure = None
+        if not finished.all():
+            own = start.failure if start else None
+            rows = rows_of(z, level, np.where(finished, 0.0, 1.0))
+            failure = _fit(rows, UNCHANGED, own, COUNT_ITERATIONS if refit else 0)
+        return _posterior(observations, main, counts, failure)
 
 
 def _posterior(
-    observations: Observations, main: Process, counts: list[Process | None]
+    observations: Observations,
+    main: Process,
+    counts: list[Process | None],
+    failure: Process | None,
 ) -> LevelsPosterior:
     live = tuple(count for count in counts if count is not None)
-    learnt = tuple(count.hyperparameters if count else None for count in counts)
+    finished = np.isfinite(observations.value)
+    value, level = observations.value[finished], observations.level[finished]
     warp = main.warp
     if live:
-        finished = np.isfinite(observations.value)
-        warp = warp_of_objective(observations.value[finished], observations.level[finished])
-        warp = warp.compressed(main.hyperparameters.compression)
-    return LevelsPosterior(replace(main.hyperparameters, counts=learnt), main, live, warp)
+        warp = warp_of_objective(value, level).compressed(main.hyperparameters.compression)
+    learnt = replace(
+        main.hyperparameters,
+        counts=tuple(count.hyperparameters if count else None for count in counts),
+        failure=failure.hyperparameters if failure else None,
+    )
+    failures = None
+    if failure is not None:
+        y = warp.forward(value)
+        worst = float(y.max() + FAILURE_MARGIN * y.std())
+        failures = Failures(failure, worst, worst - float(np.median(y)))
+    return LevelsPosterior(learnt, main, live, failures, warp)
 
 
 def _fit(rows: Rows, warp: Warp, start: Hyperparameters | None, iterations: int) -> Process:

@@ -24,7 +24,6 @@ from surrogates.training import Rows, Scaling, outputs
 from surrogates.warp import Warp
 
 CONSTANT_VARIANCE = 1.0  # prior variance of a level's constant, in variances of its values
-FAILED_VARIANCE = 1.0  # noise of the value assumed for a failed run, in variances of the level
 JITTERS = (0.0, 1e-10, 1e-8, 1e-6, 1e-4, 1e-2)  # relative to the mean diagonal
 
 
@@ -178,19 +177,13 @@ class Process:
         return centre + scale * self.y
 
 
-def noise_of_rows(rows: Rows, noise_variances: Array) -> Array:
-    """Noise variance (n,) of the rows' means; that of failed rows is large."""
-    noise: Array = noise_variances[rows.index] / rows.replicates
-    return np.where(rows.failed, np.maximum(noise, FAILED_VARIANCE), noise)
-
-
 def condition(
     rows: Rows, scaling: Scaling, warp: Warp, hyperparameters: Hyperparameters
 ) -> Process:
     """Condition the process on its rows: one Cholesky factorisation."""
     x, y = scaling.inputs(rows.z), outputs(rows, warp, scaling)
     table, starts = weights(hyperparameters.rho), rows.starts
-    covariance = np.diag(noise_of_rows(rows, hyperparameters.noise_variances))
+    covariance = np.diag(hyperparameters.noise_variances[rows.index] / rows.replicates)
     for k in range(len(rows.levels)):
         own = slice(starts[k], None)
         g = table[k, rows.index[own]]

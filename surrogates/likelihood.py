@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from surrogates.gaussian_process import FAILED_VARIANCE
-from surrogates.training import Rows, Scaling, outputs
+from surrogates.training import Rows, Scaling
 from surrogates.warp import Warp
 
 JITTERS = (1e-10, 1e-8, 1e-6, 1e-4, 1e-2)  # of the level's variance, 1
@@ -20,10 +19,8 @@ class Data:
     x: torch.Tensor  # (n, d) standardised
     index: torch.Tensor  # (n,) level
     starts: tuple[int, ...]  # first row of each level
-    failed: torch.Tensor  # (n,)
-    assumed: torch.Tensor  # (n,) standardised output, for failed rows only
     replicates: torch.Tensor  # (n,)
-    group: torch.Tensor  # (finished runs,) row of each
+    group: torch.Tensor  # (runs,) row of each
     value: torch.Tensor  # (runs,) objective
     warp: Warp
     centre: torch.Tensor  # (runs,)
@@ -48,8 +45,6 @@ def data_of(rows: Rows, scaling: Scaling, warp: Warp) -> Data:
         x=torch.from_numpy(scaling.inputs(rows.z)),
         index=torch.from_numpy(rows.index),
         starts=tuple(int(start) for start in rows.starts),
-        failed=torch.from_numpy(rows.failed),
-        assumed=torch.from_numpy(outputs(rows, warp, scaling)),
         replicates=torch.from_numpy(rows.replicates),
         group=torch.from_numpy(rows.group),
         value=torch.from_numpy(np.array(rows.value)),
@@ -93,7 +88,7 @@ def log_likelihood(
     """Log likelihood of all runs, up to a constant.
 
     The mean of k replicates has noise variance / k; their scatter around it tells of the noise
-    alone, with k - 1 degrees of freedom. Failed runs count as noisy runs of an assumed value.
+    alone, with k - 1 degrees of freedom.
 
     Args:
         data: the runs.
@@ -103,13 +98,11 @@ def log_likelihood(
     """
     y, log_slopes = data.outputs(compression)
     total = torch.zeros(len(data.x), dtype=y.dtype).index_add(0, data.group, y)
-    means = torch.where(data.failed, data.assumed, total / data.replicates)
+    means = total / data.replicates
     noise = torch.exp(log_noise)
-    diagonal = noise[data.index] / data.replicates
-    diagonal = torch.where(data.failed, diagonal.clamp(min=FAILED_VARIANCE), diagonal)
-    covariance = covariance + torch.diag(diagonal)
+    covariance = covariance + torch.diag(noise[data.index] / data.replicates)
     density: torch.Tensor = LogDensity.apply(covariance, means)  # type: ignore[no-untyped-call]
     scatter = torch.zeros_like(means).index_add(0, data.group, (y - means[data.group]) ** 2)
-    freedom = torch.where(data.failed, 0, data.replicates - 1)
+    freedom = data.replicates - 1
     within = scatter / noise[data.index] + freedom * log_noise[data.index]
     return density - 0.5 * within.sum() + log_slopes

@@ -4,28 +4,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mfopt.arrays import Array, BoolArray, IntArray
+from mfopt.arrays import Array, IntArray
 from surrogates.warp import Warp
 
-FAILURE_MARGIN = 0.5  # failed runs lie so many standard deviations above the worst finished one
 FEWEST_FOR_SCALE = 4  # a level with fewer points takes the scale of the level below it
 SMALLEST_SCALE = 1e-9  # relative; constant values get this spread
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rows:
-    """Distinct points (n, d), sorted by level; `group` leads from finished runs to them.
-
-    A point with finished and failed runs has a row for each kind.
-    """
+    """Distinct points (n, d), sorted by level; `group` leads from runs to them."""
 
     levels: tuple[int, ...]  # that have rows, ascending
     z: Array  # (n, d)
     index: IntArray  # (n,) position of the row's level in `levels`
-    failed: BoolArray  # (n,)
     replicates: IntArray  # (n,)
-    group: IntArray  # (finished runs,) row of each
-    value: Array  # (finished runs,)
+    group: IntArray  # (runs,) row of each
+    value: Array  # (runs,)
 
     @property
     def starts(self) -> IntArray:
@@ -48,24 +43,22 @@ class Scaling:
 
 
 def rows_of(z: Array, level: IntArray, value: Array) -> Rows:
-    """Merge replicates: rows with the same z, level and kind of end (finished or failed)."""
-    failed = ~np.isfinite(value)
-    keys = np.column_stack([level, failed, z])
+    """Merge replicates: runs with the same z and level."""
+    keys = np.column_stack([level, z])
     distinct, inverse, replicates = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
     levels, index = np.unique(distinct[:, 0].astype(np.int64), return_inverse=True)
     return Rows(
         levels=tuple(int(k) for k in levels),
-        z=distinct[:, 2:],
+        z=distinct[:, 1:],
         index=index.astype(np.int64),
-        failed=distinct[:, 1] > 0.0,
         replicates=replicates.astype(np.int64),
-        group=inverse.reshape(-1)[~failed].astype(np.int64),
-        value=value[~failed],
+        group=inverse.reshape(-1).astype(np.int64),
+        value=value,
     )
 
 
 def subset(rows: Rows, keep: IntArray) -> Rows:
-    """The rows `keep` (ascending) with their finished runs; all levels must remain."""
+    """The rows `keep` (ascending) with their runs; all levels must remain."""
     position = np.full(len(rows.z), -1)
     position[keep] = np.arange(len(keep))
     group = position[rows.group]
@@ -73,7 +66,6 @@ def subset(rows: Rows, keep: IntArray) -> Rows:
         levels=rows.levels,
         z=rows.z[keep],
         index=rows.index[keep],
-        failed=rows.failed[keep],
         replicates=rows.replicates[keep],
         group=group[group >= 0],
         value=rows.value[group >= 0],
@@ -84,9 +76,9 @@ def spread_rows(rows: Rows, limit: int) -> IntArray:
     """Rows (ascending), at most `limit`: small levels whole, large ones thinned.
 
     Levels share the limit, what a small level leaves goes to the larger ones; within a level the
-    rows are spread evenly over the order of their values, failed ones last.
+    rows are spread evenly over the order of their values.
     """
-    means, left, chosen = group_means(rows, rows.value), limit, []  # nan sorts last
+    means, left, chosen = group_means(rows, rows.value), limit, []
     own = [np.flatnonzero(rows.index == k) for k in range(len(rows.levels))]
     own.sort(key=len)
     for k, candidates in enumerate(own):
@@ -98,25 +90,21 @@ def spread_rows(rows: Rows, limit: int) -> IntArray:
 
 
 def group_means(rows: Rows, values: Array) -> Array:
-    """Mean over the finished runs of each row (n,); nan for failed rows."""
-    total = np.bincount(rows.group, values, minlength=len(rows.z))
-    return np.where(rows.failed, np.nan, total / rows.replicates)
+    """Mean over the runs of each row (n,)."""
+    return np.bincount(rows.group, values, minlength=len(rows.z)) / rows.replicates
 
 
 def scaling_of(rows: Rows, warp: Warp) -> Scaling:
-    """Standardise inputs over all rows, outputs by level over its finished rows."""
+    """Standardise inputs over all rows, outputs by level."""
     z_scale = rows.z.std(axis=0)
     z_scale[z_scale <= 1e-12 * (1.0 + np.abs(rows.z).max(axis=0))] = 1.0
     y = group_means(rows, warp.forward(rows.value))
-    finished = y[~rows.failed]
-    smallest = SMALLEST_SCALE * max(1.0, float(np.abs(finished).max()))
-    last = max(float(finished.std()) or float(warp.forward(rows.value).std()), smallest)
-    centre = np.full(len(rows.levels), finished.mean())
-    scale = np.empty(len(rows.levels))
+    smallest = SMALLEST_SCALE * max(1.0, float(np.abs(y).max()))
+    last = max(float(y.std()) or float(warp.forward(rows.value).std()), smallest)
+    centre, scale = np.empty(len(rows.levels)), np.empty(len(rows.levels))
     for k in range(len(rows.levels)):
-        own = y[(rows.index == k) & ~rows.failed]
-        if len(own):
-            centre[k] = own.mean()
+        own = y[rows.index == k]
+        centre[k] = own.mean()
         if len(own) >= FEWEST_FOR_SCALE and own.std() > smallest:
             last = float(own.std())
         scale[k] = last
@@ -124,11 +112,7 @@ def scaling_of(rows: Rows, warp: Warp) -> Scaling:
 
 
 def outputs(rows: Rows, warp: Warp, scaling: Scaling) -> Array:
-    """Standardised outputs (n,); failed rows take the worst of their level plus a margin."""
+    """Standardised outputs (n,)."""
     means = group_means(rows, warp.forward(rows.value))
-    y = (means - scaling.centre[rows.index]) / scaling.scale[rows.index]
-    for k in range(len(rows.levels)):
-        own = rows.index == k
-        finished = y[own & ~rows.failed]
-        y[own & rows.failed] = (finished.max() if len(finished) else 1.0) + FAILURE_MARGIN
-    return y
+    result: Array = (means - scaling.centre[rows.index]) / scaling.scale[rows.index]
+    return result

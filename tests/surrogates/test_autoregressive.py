@@ -255,6 +255,18 @@ def test_no_data_breaks_it(name: str) -> None:
     assert (left_out.variance > 0.0).all()
 
 
+def test_failed_runs_repel() -> None:
+    rng = np.random.default_rng(20)
+    z = rng.uniform(-1.0, 1.0, (80, 2))
+    value = np.where(z[:, 0] > 0.3, np.inf, z[:, 1])
+    posterior = AutoregressiveGp().fit(runs(z, value))
+    mean, _ = posterior.latent(np.array([[-0.5, 0.0], [0.8, 0.0]]), 0)
+    assert mean[1] > mean[0] + 0.5
+    # The smooth part is not disturbed where runs finish.
+    z = rng.uniform(-0.9, -0.3, (50, 2))
+    assert np.max(np.abs(posterior.latent(z, 0)[0] - posterior.transform(z[:, 1]))) < 1e-3
+
+
 @pytest.mark.parametrize(
     ("z", "value", "message"),
     [

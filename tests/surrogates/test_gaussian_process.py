@@ -3,8 +3,9 @@ import pytest
 from surrogate_cases import rosenbrock, runs, sphere
 
 from mfopt.arrays import Array
-from surrogates.autoregressive import AutoregressiveGp, LevelsPosterior
+from surrogates.autoregressive import AutoregressiveGp
 from surrogates.gaussian_process import Process, condition
+from surrogates.levels_posterior import LevelsPosterior
 from surrogates.training import subset
 
 
@@ -34,7 +35,7 @@ def points() -> Array:
 def test_left_out_equals_conditioning_on_all_other_rows(process: Process) -> None:
     mean, variance = process.left_out()
     noise = process.hyperparameters.noise_variances
-    for i in np.flatnonzero(~process.rows.failed)[::5]:
+    for i in range(0, len(mean), 5):
         others = np.delete(np.arange(len(mean)), i)
         rest = condition(
             subset(process.rows, others), process.scaling, process.warp, process.hyperparameters

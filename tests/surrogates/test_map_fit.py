@@ -6,7 +6,7 @@ from scipy.stats import multivariate_normal
 from surrogate_cases import rosenbrock, sphere
 
 from mfopt.surrogate import Hyperparameters
-from surrogates.gaussian_process import component, noise_of_rows, weights
+from surrogates.gaussian_process import component, weights
 from surrogates.likelihood import LogDensity, data_of
 from surrogates.map_fit import default, from_model, maximise, one_thread, to_model
 from surrogates.training import Rows, Scaling, rows_of, scaling_of
@@ -95,8 +95,3 @@ def test_the_callers_number_of_threads_is_left_alone() -> None:
     with one_thread():
         assert torch.get_num_threads() == 1
     assert torch.get_num_threads() == before
-
-
-def test_failed_rows_are_noisy() -> None:
-    rows = rows_of(np.arange(3.0)[:, None], np.zeros(3, dtype=np.int64), np.array([1, 2, np.inf]))
-    assert noise_of_rows(rows, np.array([1e-4])).tolist() == [1e-4, 1e-4, 1.0]
