@@ -174,7 +174,10 @@ def _lost(summary: Summary) -> list[str]:
         ]
     lines += [_lost_row(r) for r in summary.lost[:MOST_NAMED]]
     if summary.unreached:
-        names = ", ".join(f"{case} at {share(target)}" for case, target in summary.unreached)
+        by_case: dict[str, list[str]] = {}
+        for case, target in summary.unreached:
+            by_case.setdefault(case, []).append(share(target))
+        names = "; ".join(f"{case} at {', '.join(shares)}" for case, shares in by_case.items())
         lines.append(f"\nReached by nobody: {names}.")
     return lines
 

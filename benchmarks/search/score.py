@@ -112,8 +112,11 @@ def compare(
     mine, theirs = by_case(ours), {name: by_case(rows) for name, rows in others.items()}
     ratios, samples, unreached = [], [], []
     for case in sorted(mine) if cases is None else cases:
+        ran = set(mine.get(case, {}))
+        if not any(ran & set(rows.get(case, {})) for rows in theirs.values()):
+            continue  # not run by both
         for target in targets:
-            found = _compare_case(mine.get(case, {}), theirs, case, target, rng)
+            found = _compare_case(mine[case], theirs, case, target, rng)
             if found is None:
                 unreached.append((case, target))
             else:
@@ -134,14 +137,12 @@ def _compare_case(
     target: int,
     rng: np.random.Generator,
 ) -> tuple[Ratio, Array] | None:
-    """The ratio on one case and its bootstrap sample; None if nobody hit or nothing was run."""
+    """The ratio on one case and its bootstrap sample; None if nobody hit."""
     best, best_time = "", np.inf
     for name, cases in theirs.items():
         common = [t for i, t in cases.get(case, {}).items() if i in mine]
         if common and (expected_running_time(common, target) < best_time or not best):
             best, best_time = name, expected_running_time(common, target)
-    if not best:
-        return None
     instances = sorted(set(mine) & set(theirs[best][case]))
     a = _spent_and_hits([mine[i] for i in instances], target)
     b = _spent_and_hits([theirs[best][case][i] for i in instances], target)

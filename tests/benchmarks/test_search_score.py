@@ -51,6 +51,14 @@ def test_lost_and_unreached_cases_are_named() -> None:
     assert summary.unreached == (("bbob/f1/d10", 60),)
 
 
+def test_a_case_that_only_one_has_run_is_left_out() -> None:
+    ours = _results("mfopt", [_trace((50, 25))]) + _results("mfopt", [_trace()], "wing")
+    theirs = _results("pycma", [_trace((10, 25))])
+    summary = compare(ours, {"pycma": theirs}, [20], cases=["bbob/f1/d10", "wing", "bbob/f2/d10"])
+    assert len(summary.ratios) == 1
+    assert summary.unreached == ()
+
+
 def test_the_best_peer_is_taken_case_by_case() -> None:
     ours = _results("mfopt", [_trace((10, 45))] * 2)
     quick = _results("a", [_trace((20, 25))] * 2)  # best at 10 %, never at 1 %
