@@ -1,7 +1,11 @@
 """Compilation of the kernel: once per machine, kept in the user's cache."""
 
+import contextlib
+import fcntl
 import hashlib
 import os
+import shutil
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -18,6 +22,9 @@ OPTIONS: dict[str, Any] = {
 }
 
 
+KEPT_S = 30 * 86400.0  # [s] compiled code of other sources is kept so long after its last use
+
+
 def cache_directory() -> Path:
     """Where compiled code is kept: below `$XDG_CACHE_HOME/mfopt`, or `~/.cache/mfopt`.
 
@@ -30,7 +37,23 @@ def cache_directory() -> Path:
     return (Path(base) if base else Path.home() / ".cache") / "mfopt" / "compiled" / digest
 
 
+def keep_in_use(directory: Path) -> None:
+    """Note that `directory` is in use, and remove its neighbours that have long been out of use.
+
+    Under a lock, so that nobody removes what another process is just taking into use.
+    """
+    directory.mkdir(parents=True, exist_ok=True)
+    with (directory.parent / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        os.utime(directory)
+        for other in [path for path in directory.parent.iterdir() if path.is_dir()]:
+            if other.stat().st_mtime < time.time() - KEPT_S:
+                shutil.rmtree(other, ignore_errors=True)
+
+
 _DIRECTORY = str(cache_directory())
+with contextlib.suppress(OSError):  # a cache that cannot be written is Numba's to report
+    keep_in_use(Path(_DIRECTORY))
 _settings: Any = numba.config
 
 

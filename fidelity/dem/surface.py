@@ -8,9 +8,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from fidelity.engine import Wall, WallMotion
 from mfopt.arrays import Array, BoolArray, IntArray
@@ -18,6 +15,7 @@ from mfopt.arrays import Array, BoolArray, IntArray
 WELD = 1e-7  # [m] vertices closer than this are one
 COPLANAR = 1e-6  # [rad] neighbours that differ by less are one flat patch
 LARGEST_GRID = 4_000_000  # cells
+ASKEW = np.array([0.3 * np.sqrt(2.0), 0.3 * np.sqrt(3.0), 0.3 * np.sqrt(5.0)])  # shorter than 1
 
 
 class Surface(NamedTuple):
@@ -116,11 +114,40 @@ def _welded(corners: Array, body: IntArray) -> IntArray:
     """Number of the vertex at every corner (k, 3); the same number where they coincide."""
     points = np.column_stack([np.repeat(body, 3), corners.reshape(-1, 3)])  # bodies are 1 apart
     points, place = np.unique(points, axis=0, return_inverse=True)
-    near = cKDTree(points).query_pairs(WELD, output_type="ndarray")
-    k = len(points)
-    links = coo_matrix((np.ones(len(near)), (near[:, 0], near[:, 1])), shape=(k, k))
-    numbers = connected_components(links, directed=False)[1]
-    return np.asarray(numbers[place].reshape(-1, 3), dtype=np.int64)
+    numbers = _groups(len(points), *_close(np.asarray(points, dtype=np.float64)))
+    return numbers[place].reshape(-1, 3)
+
+
+def _close(points: Array) -> tuple[IntArray, IntArray]:
+    """All pairs of points (n, 4) within `WELD` of each other, body numbers counting as metres.
+
+    They are looked for along a line askew to everything that people build, where few points that
+    are apart come together.
+    """
+    along = points[:, 1:] @ ASKEW
+    order = np.argsort(along, kind="stable")
+    pairs = [np.empty((0, 2), dtype=np.int64)]
+    for shift in range(1, len(points)):
+        near = np.flatnonzero(along[order[shift:]] - along[order[:-shift]] < WELD)
+        if not len(near):
+            break
+        i, j = order[near], order[near + shift]
+        here = np.linalg.norm(points[i] - points[j], axis=1) < WELD
+        pairs.append(np.column_stack([i, j])[here])
+    first, second = np.concatenate(pairs).T
+    return first, second
+
+
+def _groups(n: int, i: IntArray, j: IntArray) -> IntArray:
+    """Number (n,) of the group that each of n items is in, where i[k] and j[k] are linked."""
+    lowest = np.arange(n)  # of the group, as far as known
+    while (lowest[i] != lowest[j]).any():
+        low = np.minimum(lowest[i], lowest[j])
+        np.minimum.at(lowest, lowest[i], low)
+        np.minimum.at(lowest, lowest[j], low)
+        while (lowest[lowest] != lowest).any():
+            lowest = lowest[lowest]
+    return np.unique(lowest, return_inverse=True)[1].astype(np.int64)
 
 
 def _edges(vertex: IntArray) -> IntArray:
@@ -131,7 +158,6 @@ def _edges(vertex: IntArray) -> IntArray:
 
 def _patches(edge: IntArray, normals: Array, wall: IntArray) -> IntArray:
     """Number of the flat patch of each triangle (k,)."""
-    k = len(edge)
     order = np.argsort(edge.ravel(), kind="stable")
     number, triangle = edge.ravel()[order], order // 3
     i, j = triangle[:-1], triangle[1:]
@@ -140,8 +166,7 @@ def _patches(edge: IntArray, normals: Array, wall: IntArray) -> IntArray:
         & (wall[i] == wall[j])
         & (np.linalg.norm(np.cross(normals[i], normals[j]), axis=1) < COPLANAR)
     )
-    links = coo_matrix((np.ones(flat.sum()), (i[flat], j[flat])), shape=(k, k))
-    return np.asarray(connected_components(links, directed=False)[1], dtype=np.int64)
+    return _groups(len(edge), i[flat], j[flat])
 
 
 def _within_a_patch(edge: IntArray, inward: Array, patch: IntArray) -> BoolArray:

@@ -2,10 +2,11 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scene_portions import movement_to
 
 from fidelity.dosing import design, dosing_problem
 from fidelity.dosing_run import COLLAR, dosing_grain, dosing_setup, packing_order, tally
-from fidelity.engine import Movement, Packing, Setup
+from fidelity.engine import Packing, Setup
 from fidelity.portion import loose_portion, sphere_centres
 from fidelity.settings import DemSettings, DosingSettings
 
@@ -24,37 +25,20 @@ def setup() -> Setup:
     return dosing_setup(SETTINGS, MACHINE, ORDER, loose(), snapshots=4)
 
 
-def movement_to(positions: list[list[float]], exit_times: list[float]) -> Movement:
-    n = len(positions)
-    return Movement(
-        status="finished",
-        why=None,
-        exit_times=np.array(exit_times),
-        positions=np.array(positions),
-        orientations=np.tile([1.0, 0, 0, 0], (n, 1)),
-        velocities=np.zeros((n, 3)),
-        angular_velocities=np.zeros((n, 3)),
-        end_time=0.8,
-        steps=1,
-        sphere_steps=1.0,
-        timestep=1e-4,
-        max_overlap=0.0,
-        max_kinetic_energy=0.0,
-        cpu_s=0.0,
-    )
-
-
 def test_every_grain_is_counted_where_it_is() -> None:
     nan = np.nan
-    where = [
-        [0.0, 0.0, -0.561],  # passed
-        [0.01, 0.02, -0.560],  # passed, earlier
-        [0.2, 0.0, 0.05],  # in the cup at its final place
-        [-0.1, 0.0, 0.01],  # on the plate
-        [0.0, 0.0, -0.1],  # in the hopper
-        [0.3, 0.0, -0.56],  # fell beside the tube
-    ]
-    count = tally(MACHINE, setup(), movement_to(where, [0.6, 0.5, nan, nan, nan, 0.7]))
+    where = np.array(
+        [
+            [0.0, 0.0, -0.561],  # passed
+            [0.01, 0.02, -0.560],  # passed, earlier
+            [0.2, 0.0, 0.05],  # in the cup at its final place
+            [-0.1, 0.0, 0.01],  # on the plate
+            [0.0, 0.0, -0.1],  # in the hopper
+            [0.3, 0.0, -0.56],  # fell beside the tube
+        ]
+    )
+    times = np.array([0.6, 0.5, nan, nan, nan, 0.7])
+    count = tally(MACHINE, setup(), movement_to(where, exit_times=times))
     assert count.passed.tolist() == [0.5, 0.6]
     assert (count.left_in_cup, count.left_on_plate, count.left_in_hopper) == (2, 1, 1)
     assert count.lost == 1
@@ -63,14 +47,14 @@ def test_every_grain_is_counted_where_it_is() -> None:
 
 @pytest.mark.parametrize("place", [[0.1, 0.0, -0.2], [0.0, 0.0, 0.4], [1.0, 0.0, 0.01]])
 def test_a_grain_outside_of_the_machine_is_lost(place: list[float]) -> None:
-    assert tally(MACHINE, setup(), movement_to([place], [np.nan])).lost == 1
+    assert tally(MACHINE, setup(), movement_to(np.array([place]))).lost == 1
 
 
 def test_counts_add_up_wherever_the_grains_are() -> None:
     rng = np.random.default_rng(0)
     where = rng.uniform([-0.4, -0.2, -0.6], [0.4, 0.2, 0.3], (500, 3))
     times = np.where(where[:, 2] < -0.56, 0.5, np.nan)
-    count = tally(MACHINE, setup(), movement_to(where.tolist(), times.tolist()))
+    count = tally(MACHINE, setup(), movement_to(where, exit_times=times))
     assert len(count.passed) + count.left_in_cup + count.left_in_hopper + count.lost == 500
 
 
