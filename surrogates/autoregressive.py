@@ -13,7 +13,7 @@ from surrogates.map_fit import default, maximise, rougher
 from surrogates.training import Rows, rows_of, scaling_of, spread_rows, subset
 from surrogates.warp import Warp, warp_of_count, warp_of_objective
 
-FIT_ROWS = 300  # rows that the hyperparameters are learnt from; all are conditioned on
+FIT_ROWS = 240  # rows that the hyperparameters are learnt from; all are conditioned on
 FIRST_ITERATIONS = 12  # from each of two starts, then again
 WARM_ITERATIONS = 8
 COUNT_ITERATIONS = 6  # also for the share of failed runs
