@@ -15,6 +15,7 @@ from benchmarks.engine.statistics import (
     holm,
     permutation_p,
     relative_difference,
+    runs_needed,
     smallest_p,
 )
 from mfopt.arrays import Array, frozen
@@ -58,6 +59,7 @@ class Row:
     difference: Interval  # of the means, over that of the reference
     p: float
     distance: float | None  # of distribution functions, where distributions are compared
+    needed: int | None  # runs of each until the interval would be inside `LIMIT`
     p_family: float = math.nan  # Holm's
     p_least: float = math.nan  # the smallest that so few runs can give, times the rows
 
@@ -130,6 +132,7 @@ def _row(a: Sample, b: Sample) -> Row:
         difference=relative_difference(a.numbers, b.numbers),
         p=p,
         distance=distance,
+        needed=runs_needed(a.numbers, b.numbers, LIMIT),
     )
 
 
@@ -153,7 +156,8 @@ def comparison_table(rows: Sequence[Row], reference: str, other: str) -> str:
     """The rows as Markdown."""
     head = (
         f"| scene | quantity | grains | runs {reference} / {other} | failed | mean {reference} | "
-        f"mean {other} | difference (95 %) | inside ±{LIMIT:.0%} | p | p, family | verdict |"
+        f"mean {other} | difference (95 %) | inside ±{LIMIT:.0%} (runs for it) | "
+        "p | p, family | verdict |"
     )
     lines = [head, "|---|---|--:|--:|--:|--:|--:|--:|---|--:|--:|---|"]
     for row in rows:
@@ -164,8 +168,8 @@ def comparison_table(rows: Sequence[Row], reference: str, other: str) -> str:
             f"| {row.scene} | {row.quantity} | {row.grains} | {row.runs[0]} / {row.runs[1]} "
             f"| {row.failed[0]} / {row.failed[1]} | {mean[0]} | {mean[1]} "
             f"| {d.estimate:+.1%} ({d.low:+.1%} to {d.high:+.1%}){distance} "
-            f"| {'yes' if d.inside(LIMIT) else 'no'} | {row.p:.2g} | {row.p_family:.2g} "
-            f"| {row.verdict} |"
+            f"| {'yes' if d.inside(LIMIT) else 'no'} ({row.needed or '?'}) "
+            f"| {row.p:.2g} | {row.p_family:.2g} | {row.verdict} |"
         )
     return "\n".join(lines)
 

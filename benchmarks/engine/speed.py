@@ -19,7 +19,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -92,6 +92,7 @@ def _flow(grains: int) -> Measurement:
     return _ratio(*(_rate(engine, setup) for engine in (yade, NumbaEngine(fixed_timestep=dt))))
 
 
+@cache
 def flow_setup(grains: int) -> Setup:
     """A hopper that starts to run out, its grains settled by `numba`."""
     portion = portion_of(grains)

@@ -18,6 +18,7 @@ BATCH = 2_000  # of them at a time
 GRID = 400  # quantiles at which distributions are compared
 TIE = 1e-9  # statistics closer than this [relative] are equal: rounding must not decide
 COVERAGE = 0.95
+NORMAL = 1.96  # quantile of a normal distribution for that coverage
 
 Statistic = Callable[[IntArray], Array]  # of splits (m, runs): first those of the reference
 
@@ -63,6 +64,20 @@ def relative_difference(reference: Array, other: Array) -> Interval:
     )
     reach = float(t.ppf((1 + COVERAGE) / 2, freedom)) * math.sqrt(variance)
     return Interval(ratio - 1, ratio * math.exp(-reach) - 1, ratio * math.exp(reach) - 1)
+
+
+def runs_needed(reference: Array, other: Array, limit: float) -> int | None:
+    """Runs of each engine until the interval of equal means lies within `limit` either way.
+
+        n = (1.96 / ln(1 + limit))^2 (v_reference + v_other),   v = (s / mean)^2
+
+    None where a sample has one run, or a mean that is not positive.
+    """
+    samples = (reference, other)
+    if any(len(sample) < 2 or float(sample.mean()) <= 0 for sample in samples):
+        return None
+    scatter = sum(float(sample.var(ddof=1)) / float(sample.mean()) ** 2 for sample in samples)
+    return max(2, math.ceil((NORMAL / math.log1p(limit)) ** 2 * scatter))
 
 
 def permutation_p(reference: Array, other: Array, *, seed: int = 0) -> float:

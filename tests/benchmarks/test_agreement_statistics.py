@@ -11,6 +11,7 @@ from benchmarks.engine.statistics import (
     holm,
     permutation_p,
     relative_difference,
+    runs_needed,
     smallest_p,
 )
 from mfopt.arrays import Array
@@ -136,3 +137,24 @@ def test_holm_as_computed_by_hand() -> None:
     assert holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
     assert holm([0.6, 0.7]) == [1.0, 1.0]
     assert holm([]) == []
+
+
+def test_as_many_runs_as_are_said_to_be_needed_bring_the_interval_inside() -> None:
+    rng = np.random.default_rng(4)
+    pilot = rng.normal(1.0, 0.1, 4000)
+    needed = runs_needed(pilot, pilot, 0.05)
+    assert needed is not None
+    assert needed == pytest.approx(2 * (1.96 * 0.1 / np.log(1.05)) ** 2, rel=0.1)  # 32
+    # With that many the interval of two equal means is as wide as the limits, in the mean.
+    reach = [
+        np.log1p(d.high) - np.log1p(d.estimate)
+        for d in (
+            relative_difference(rng.normal(1.0, 0.1, needed), rng.normal(1.0, 0.1, needed))
+            for _ in range(200)
+        )
+    ]
+    assert np.mean(reach) == pytest.approx(np.log(1.05), rel=0.05)
+
+
+def test_runs_needed_are_unknown_for_a_single_run() -> None:
+    assert runs_needed(np.array([1.0]), np.array([1.0, 2.0]), 0.05) is None
