@@ -9,15 +9,18 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from mfopt.api import Minimum as Minimum
     from mfopt.api import minimize as minimize
+    from mfopt.assisted import AssistedCmaEs as AssistedCmaEs
     from mfopt.cmaes import CmaEs as CmaEs
     from mfopt.errors import ConfigError as ConfigError
     from mfopt.errors import MfoptError as MfoptError
     from mfopt.function_level import FunctionLevel as FunctionLevel
     from mfopt.problem import Problem as Problem
     from mfopt.problem import Variable as Variable
+    from mfopt.search import Rung as Rung
     from mfopt.search import Stage as Stage
 
 _HOME = {
+    "AssistedCmaEs": "assisted",
     "CmaEs": "cmaes",
     "ConfigError": "errors",
     "MfoptError": "errors",
@@ -26,6 +29,7 @@ _HOME = {
     "minimize": "api",
     "Problem": "problem",
     "Variable": "problem",
+    "Rung": "search",
     "Stage": "search",
 }
 __all__ = list(_HOME)

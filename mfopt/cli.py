@@ -30,6 +30,7 @@ from mfopt.header import header
 from mfopt.level import Level
 from mfopt.objective import objective_named
 from mfopt.problem import Problem
+from mfopt.search import Search, rungs, window
 from mfopt.store import RunDirectory, full_disk_named, open_run, writing
 from mfopt.study import Study, read_study
 from reports.design import DesignView
@@ -107,17 +108,11 @@ def run(
     as_json: AsJson = False,
 ) -> None:
     """Run a study, confirm its best design over fresh seeds and write the reports."""
-    from mfopt.cmaes import CmaEs
     from mfopt.run import run_study
 
     study, text = read_study(study_file)
     parts = assemble(study, where=str(study_file))
-    search = CmaEs(
-        parts.problem,
-        study.search.stages(study.problem.objective),
-        seed=study.study.seed,
-        exchange=study.search.exchange,
-    )
+    search = _search(study, parts)
     workers = study.run.workers or len(os.sched_getaffinity(0))
     address = study.run.scheduler
     runner = Runner(dask_cluster(address) if address else local_processes(workers))
@@ -137,6 +132,7 @@ def run(
                 into,
                 confirm_on=parts.confirm_on,
                 confirm_seeds=study.confirm.seeds,
+                window=window(into.header["workers"]),
                 reference=parts.reference_level,
                 watch=display.watch,
             )
@@ -144,6 +140,32 @@ def run(
     _print_result(path, console, as_json=as_json)
     own, simulators = display.cpu()
     console.print(f"mfopt itself took {own:.1f} s of CPU, {own / (own + simulators):.1%} of all")
+
+
+def _search(study: Study, parts: Assembled) -> Search:
+    """The search that the study asks for; what it needs is only then loaded."""
+    its, objective = study.search, study.problem.objective
+    if its.method == "cma-es":
+        from mfopt.cmaes import CmaEs
+
+        stages = its.stages(objective)
+        return CmaEs(parts.problem, stages, seed=study.study.seed, exchange=its.exchange)
+    from mfopt.assisted import AssistedCmaEs
+    from surrogates.autoregressive import AutoregressiveGp
+
+    assert its.budget is not None  # the study file was refused without
+    return AssistedCmaEs(
+        parts.problem,
+        rungs(parts.ladder, parts.problem.baseline),
+        AutoregressiveGp(),
+        budget=its.budget,
+        seed=study.study.seed,
+        sigma=its.sigma,
+        population_size=its.population_size,
+        objective=objective,
+        seeds=its.seeds,
+        exchange=its.exchange,
+    )
 
 
 def _prepare(study: Study, parts: Assembled, console: Console) -> None:

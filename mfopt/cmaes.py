@@ -21,6 +21,7 @@ from mfopt.errors import ConfigError, SimulationError
 from mfopt.evaluation import Candidate, Generation
 from mfopt.problem import Problem
 from mfopt.search import Stage
+from mfopt.swap import Pair, check_pair, swapped, wrong_way
 
 REDRAWS = 1000  # draws for one possible design before giving up
 EXCHANGE_AFTER = 10  # generations in the suspected minimum; the paper waited 25 by hand
@@ -52,17 +53,12 @@ class CmaEs:
         stages: Sequence[Stage],
         *,
         seed: int,
-        exchange: tuple[str, str] | None = None,
+        exchange: Pair | None = None,
         first_seed: int = 1,
     ) -> None:
         if not stages:
             raise ConfigError("the search has no stage: plan at least one level")
-        for name in exchange or ():
-            if name not in problem.names:
-                raise ConfigError(
-                    f"exchange names {name!r}, which is not free; "
-                    f"the variables are {', '.join(problem.names)}"
-                )
+        check_pair(problem, exchange)
         self._problem = problem
         self._stages = tuple(stages)
         self._rng = np.random.default_rng(seed)
@@ -70,6 +66,10 @@ class CmaEs:
         self._first_seed = first_seed
         self._asked = 0
         self._asked_z: dict[int, Array] = {}  # cma must be told the very arrays it drew
+        self._drawn: list[Candidate] = []  # of the open generation
+        self._to_ask: list[Candidate] = []  # of them, those not asked yet
+        self._told: dict[int, float] = {}  # and those that have a value
+        self._best_x: Array | None = None
         self._restarts = 0
         self._number = 1
         self._stage_number = 0
@@ -90,12 +90,43 @@ class CmaEs:
         left = [(s.level, s.generations * s.population_size) for s in self._later_stages]
         if self.should_stop() is None:
             done = self._generations_in_stage
-            runs = (self._stage.generations - done) * self._stage.population_size
+            runs = (self._stage.generations - done) * self._stage.population_size - len(self._told)
             left.insert(0, (self._stage.level, runs))
         return left
 
-    def ask(self) -> list[Candidate]:
-        """Propose one generation; it shares one simulation seed."""
+    def ask(self, n: int | None = None) -> list[Candidate]:
+        """Propose up to `n` of the generation, all that are left without `n`.
+
+        None are left while a generation waits for its last values. A generation shares one
+        simulation seed.
+        """
+        if not self._drawn:
+            self._draw()
+        count = len(self._to_ask) if n is None else n
+        asked, self._to_ask = self._to_ask[:count], self._to_ask[count:]
+        return asked
+
+    def tell(
+        self,
+        candidates: Sequence[Candidate],
+        values: Sequence[float],
+        counts: Array | None = None,
+    ) -> None:
+        """Note the values; after the last of a generation update CMA-ES and move on."""
+        for candidate, value in zip(candidates, values, strict=True):
+            self._told[candidate.index] = float(value)
+        if len(self._told) == len(self._drawn):
+            self._update([self._told[c.index] for c in self._drawn])
+
+    def recommended(self) -> Array | None:
+        """The best design told at the present stage, or at the one before if none is yet."""
+        return self._best_x
+
+    @property
+    def insight(self) -> None:
+        """Nothing: a ranking by values alone says nothing of its certainty."""
+
+    def _draw(self) -> None:
         stage = self._stage
         seed = self._first_seed + self._generations_in_stage % stage.seeds
         drawn = stage.population_size - self._opening  # the start itself opens the generation
@@ -104,21 +135,23 @@ class CmaEs:
         numbers = range(self._asked, self._asked + len(z))
         self._asked_z = dict(zip(numbers, z, strict=True))
         self._asked += len(z)
-        return [
+        self._drawn = [
             Candidate(n, frozen(self._problem.to_x(z)), stage.level, seed, self._number)
             for n, z in self._asked_z.items()
         ]
+        self._to_ask = list(self._drawn)
 
-    def tell(self, candidates: Sequence[Candidate], values: Sequence[float]) -> None:
-        """Update CMA-ES, then move to the next stage or start anew where it is due."""
+    def _update(self, values: Sequence[float]) -> None:
         f = _ranked(values)
-        z = [self._asked_z[c.index] for c in candidates]
+        z = [self._asked_z[c.index] for c in self._drawn]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # cma warns of flat and of injected solutions
             self._es.tell(z, list(f))
         best = int(np.argmin(values))
         if values[best] < self._best_f:
             self._best_f, self._best_z = float(values[best]), z[best]
+            self._best_x = self._drawn[best].x
+        candidates, self._drawn, self._told = self._drawn, [], {}
         self._opening, self._why = False, ""
         self._number += 1
         self._generations_in_stage += 1
@@ -145,10 +178,14 @@ class CmaEs:
                 self._stage_number += 1
                 self._restarts += 1
                 self._begin_stage(self._best_z, why=f"level change to {self._stage.level}")
-        elif self._backward_generations >= EXCHANGE_AFTER and not self._exchanged:
+        elif (
+            self._exchange is not None
+            and self._backward_generations >= EXCHANGE_AFTER
+            and not self._exchanged
+        ):
             self._exchanged = True
-            first, second = self._exchange or ("", "")
-            self._restart(self._exchanged_best(), why=f"{first} and {second} exchanged")
+            why = f"{' and '.join(self._exchange)} exchanged"
+            self._restart(self._exchanged_best(self._exchange), why=why)
         elif reasons := self._es.stop():
             self._restart(self._best_z, why=f"converged: {', '.join(reasons)}")
 
@@ -195,19 +232,15 @@ class CmaEs:
     def _watch_exchange(self, candidates: Sequence[Candidate]) -> None:
         if self._exchange is None:
             return
-        first, second = (self._problem.names.index(name) for name in self._exchange)
-        above = np.mean([c.x[first] > c.x[second] for c in candidates])
+        above = np.mean([wrong_way(self._problem, self._exchange, c.x) for c in candidates])
         best = self._problem.to_x(self._best_z)
-        stays = above >= EXCHANGE_SHARE and best[first] > best[second]
+        stays = above >= EXCHANGE_SHARE and wrong_way(self._problem, self._exchange, best)
         self._backward_generations = self._backward_generations + 1 if stays else 0
 
-    def _exchanged_best(self) -> Array:
-        """Best design with the two variables exchanged, moved into bounds."""
-        first, second = (self._problem.names.index(name) for name in self._exchange or ())
-        x = np.array(self._problem.to_x(self._best_z))
-        x[[first, second]] = x[[second, first]]
-        x = np.clip(x, self._problem.lower, self._problem.upper)
-        return self._best_z if self._problem.impossible(x) else self._problem.to_z(x)
+    def _exchanged_best(self, pair: Pair) -> Array:
+        """Best design with the two variables exchanged, itself if that is impossible."""
+        x = swapped(self._problem, pair, self._problem.to_x(self._best_z))
+        return self._best_z if x is None else self._problem.to_z(x)
 
 
 def _ranked(values: Sequence[float]) -> Array:

@@ -53,3 +53,16 @@ class Generation:
     population_size: int
     objective: str  # name of the objective that ranks it
     why: str = ""  # why the search started anew here; empty if it went on
+
+
+@dataclass(frozen=True, slots=True)
+class Insight:
+    """What one finished generation of a search taught, as the report needs it."""
+
+    generation: int
+    certainty: float  # of the ranking that CMA-ES was told; 1: every posterior draw ranks alike
+    runs: int  # candidates of the generation that were run
+    level: str  # that the following is said of
+    best: tuple[float, ...]  # (d,) recommended design, physical units
+    mean: float  # its noise-free objective, as believed
+    deviation: float  # standard deviation of that belief

@@ -11,9 +11,9 @@ import multiprocessing
 import os
 import signal
 import tempfile
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -28,26 +28,59 @@ PR_SET_PDEATHSIG = 1  # prctl(2)
 
 
 @dataclass(slots=True)
+class _Job:
+    """One run, and how often a worker died under it."""
+
+    candidate: Candidate
+    level: Level
+    deaths: int = 0
+
+
+@dataclass(slots=True)
 class Runner:
     """Makes runs through an executor, which it makes anew if it breaks."""
 
     make: MakeExecutor
     _executor: cf.Executor | None = None
+    _running: dict[cf.Future[Outcome], _Job] = field(default_factory=dict)
+    _suspects: list[_Job] = field(default_factory=list)  # died twice in company: alone next
+
+    def submit(self, ladder: Ladder, candidate: Candidate) -> None:
+        """Start a run, or queue it behind those that are running."""
+        self._start(_Job(candidate, ladder[candidate.level]))
+
+    def next(self) -> tuple[Candidate, Outcome]:
+        """Wait for the run that ends first; of several that have ended, the first submitted."""
+        while True:
+            if not self._running:
+                self._start(self._suspects.pop(0))
+            ended = cf.wait(list(self._running), return_when=cf.FIRST_COMPLETED).done
+            future = next(f for f in self._running if f in ended)
+            job = self._running[future]
+            try:
+                outcome = _result(future, job.candidate)
+            except BrokenProcessPool:
+                if len(self._running) == 1 and job.deaths > 1:
+                    self.close()
+                    why = "the worker process died again and again while running this design"
+                    return job.candidate, _crashed(job.candidate, why)
+                self._start_again()
+                continue
+            del self._running[future]
+            return job.candidate, outcome
 
     def run(
         self, ladder: Ladder, candidates: Sequence[Candidate]
     ) -> Iterator[tuple[Candidate, Outcome]]:
         """Evaluate the candidates; yield each as it ends."""
-        lost = yield from self._together(ladder, candidates)
-        if lost:  # one of them killed its worker: once more together, then one by one
-            lost = yield from self._together(ladder, lost)
-        for candidate in lost:
-            if (yield from self._together(ladder, [candidate])):
-                why = "the worker process died twice while running this design"
-                yield candidate, _crashed(candidate, why)
+        for candidate in candidates:
+            self.submit(ladder, candidate)
+        for _ in candidates:
+            yield self.next()
 
     def close(self) -> None:
         """End the workers, and at once what they are running."""
+        self._running = {}
         if self._executor is not None:
             # Python 3.14 calls this `kill_workers`; other executors have no processes here.
             for worker in list((getattr(self._executor, "_processes", None) or {}).values()):
@@ -55,23 +88,25 @@ class Runner:
             self._executor.shutdown(cancel_futures=True)
             self._executor = None
 
-    def _together(
-        self, ladder: Ladder, candidates: Sequence[Candidate]
-    ) -> Generator[tuple[Candidate, Outcome], None, list[Candidate]]:
+    def _start(self, job: _Job) -> None:
         self._executor = self._executor or self.make()
-        waiting: dict[cf.Future[Outcome], Candidate] = {}
-        lost: list[Candidate] = []
         try:
-            for c in candidates:
-                future = self._executor.submit(evaluate, ladder[c.level], c.x, c.seed)
-                waiting[future] = c
-            for future in cf.as_completed(list(waiting)):
-                outcome = _result(future, waiting[future])
-                yield waiting.pop(future), outcome
+            future = self._executor.submit(evaluate, job.level, job.candidate.x, job.candidate.seed)
         except BrokenProcessPool:
-            lost = sorted(waiting.values(), key=lambda c: c.index)
-            self.close()
-        return lost
+            self._start_again(job)
+        else:
+            self._running[future] = job
+
+    def _start_again(self, also: _Job | None = None) -> None:
+        """A worker died and took all with it: once more together, then one by one."""
+        lost = sorted(self._running.values(), key=lambda job: job.candidate.index)
+        self.close()
+        for job in lost:
+            job.deaths += 1
+        again = [job for job in lost if job.deaths < 2]
+        self._suspects += [job for job in lost if job.deaths >= 2]
+        for job in [*again, *([] if also is None else [also])]:
+            self._start(job)
 
 
 def evaluate(level: Level, x: Any, seed: int) -> Outcome:

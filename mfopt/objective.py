@@ -7,11 +7,11 @@ Source: paper on the optimisation of a vertical tubular bag machine, eqs. 2-5.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from mfopt.arrays import AnyArray
+from mfopt.arrays import AnyArray, Array
 from mfopt.errors import ConfigError
 from mfopt.outcome import Outcome
 
@@ -21,6 +21,9 @@ Objective = Callable[[Raw], dict[str, float]]
 LAST_GRAINS_IGNORED = 20  # eq. 4: stragglers must not decide
 WEIGHT_LEFT_IN_CUP = 0.05  # eq. 2
 WEIGHT_LEFT_IN_HOPPER = 0.5  # eq. 3
+
+
+COUNTS = ("left in cup", "left in hopper")  # terms that count what a design must not leave
 
 
 def _penalties(raw: Raw) -> dict[str, float]:
@@ -77,3 +80,9 @@ def value(objective: Objective, outcome: Outcome) -> float:
         return math.inf
     f = sum(objective(outcome.raw).values())
     return f if math.isfinite(f) else math.inf
+
+
+def counts(objective: Objective, outcomes: Sequence[Outcome]) -> Array:
+    """Soft-constraint terms (n, c) of runs, weighted as in their value; 0 for a failed run."""
+    rows = [objective(outcome.raw) if outcome.finished else {} for outcome in outcomes]
+    return np.array([[row.get(name, 0.0) for name in COUNTS] for row in rows])

@@ -7,9 +7,9 @@ is told from there, only the others are run. A search is a pure function of its 
 the values it is told, so the resumed run ends with the evaluations of an undisturbed one.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections import deque
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from mfopt.errors import ConfigError
 from mfopt.evaluation import Candidate, Evaluation, Purpose
 from mfopt.executor import Runner
 from mfopt.level import Ladder, Level
-from mfopt.objective import Objective, objective_named, value
+from mfopt.objective import Objective, counts, objective_named, value
 from mfopt.problem import Problem
 from mfopt.search import Search
 from mfopt.store import RunDirectory
@@ -76,6 +76,7 @@ def run_study(
     *,
     confirm_on: Ladder,
     confirm_seeds: int,
+    window: int = 1,
     reference: Level | None = None,
     watch: Watch = lambda progress: None,
 ) -> Evaluation | None:
@@ -84,37 +85,74 @@ def run_study(
     Args:
         confirm_on: ladder for the confirmation, e.g. with snapshots switched on.
         confirm_seeds: fresh seeds for the best and the baseline design.
+        window: candidates that may be out at a time; a resumed run needs the same.
         reference: where both are run once more, with the first of these seeds.
 
     Returns:
-        The best evaluation of the search at the highest level that has one.
+        An evaluation of the recommended design, at the highest level that has one.
     """
     memory = Memory(run, {e.candidate.index: e for e in run.evaluations()})
-    made: list[Evaluation] = []
-    asked = 0
     try:
-        while search.should_stop() is None:
-            generation = search.generation
-            run.add_generation(generation)
-            candidates = search.ask()
-            asked += len(candidates)
-            left = search.work_left
-            objective = objective_named(generation.objective)
-            evaluations = _evaluate(candidates, memory, ladder, runner, objective, left, watch)
-            search.tell(candidates, [e.objective for e in evaluations])
-            made += evaluations
-        best = best_of(made, ladder)
+        made = _search(search, memory, ladder, runner, window, watch)
+        best = best_of(made, ladder, search.recommended())
         if best is not None and confirm_seeds:
-            pairs = confirmation(problem, best.candidate.x, ladder.top.name, confirm_seeds, asked)
-            _evaluate(pairs, memory, confirm_on, runner, objective, [], watch)
+            x, top = best.candidate.x, ladder.top.name
+            pairs = confirmation(problem, x, top, confirm_seeds, len(made))
+            objective = objective_named(search.generation.objective)
+            _evaluate(pairs, memory, confirm_on, runner, objective, watch)
             if reference is not None:
                 pair = on_reference(pairs, reference.name)
-                _evaluate(pair, memory, Ladder((reference,)), runner, objective, [], watch)
+                _evaluate(pair, memory, Ladder((reference,)), runner, objective, watch)
         if run.end is None:
             run.add_end(search.should_stop() or "")
     finally:
         runner.close()
     return best
+
+
+def _search(
+    search: Search, memory: Memory, ladder: Ladder, runner: Runner, window: int, watch: Watch
+) -> list[Evaluation]:
+    """Ask and tell until the search stops; evaluations in the order asked.
+
+    Results are told in the order asked, whichever ends first, so that a run repeats exactly. At
+    most `window` candidates are out at a time: those that exceed the workers keep them busy
+    while a slow run ends.
+    """
+    made: list[Evaluation] = []
+    out: deque[tuple[Candidate, Objective]] = deque()
+    arrived: dict[int, Evaluation] = {}
+    objectives: dict[int, Objective] = {}
+    while True:
+        while len(out) < window and search.should_stop() is None:
+            generation = search.generation
+            candidates = search.ask(window - len(out))
+            if not candidates:
+                break
+            memory.run.add_generation(generation)
+            for candidate in candidates:
+                objective = objective_named(generation.objective)
+                out.append((candidate, objective))
+                objectives[candidate.index] = objective
+                if (found := memory.recall(candidate)) is not None:
+                    arrived[candidate.index] = found
+                    watch(Progress(found, search.work_left, replayed=True))
+                else:
+                    runner.submit(ladder, candidate)
+        if not out:
+            return made
+        candidate, objective = out.popleft()
+        while candidate.index not in arrived:
+            other, outcome = runner.next()
+            new = Evaluation(other, outcome, value(objectives[other.index], outcome))
+            memory.run.add_evaluation(new)
+            arrived[other.index] = new
+            watch(Progress(new, search.work_left, replayed=False))
+        evaluation = arrived.pop(candidate.index)
+        search.tell([candidate], [evaluation.objective], counts(objective, [evaluation.outcome]))
+        if search.insight is not None:
+            memory.run.add_insight(search.insight)
+        made.append(evaluation)
 
 
 def confirmation(
@@ -145,10 +183,19 @@ def on_reference(confirmation: Sequence[Candidate], level: str) -> list[Candidat
     ]
 
 
-def best_of(evaluations: Sequence[Evaluation], ladder: Ladder) -> Evaluation | None:
-    """The lowest objective at the highest level that a search run has finished on."""
+def best_of(
+    evaluations: Sequence[Evaluation], ladder: Ladder, recommended: Array | None = None
+) -> Evaluation | None:
+    """The evaluation of the recommended design at the highest level that it has finished on.
+
+    Without a recommendation, the lowest objective at the highest level that any run has.
+    """
+    search_runs = [e for e in evaluations if e.outcome.finished]
+    if recommended is not None:
+        own = [e for e in search_runs if np.array_equal(e.candidate.x, recommended)]
+        search_runs = own or search_runs
     for level in reversed(ladder.names):
-        there = [e for e in evaluations if e.candidate.level == level and e.outcome.finished]
+        there = [e for e in search_runs if e.candidate.level == level]
         if there:
             return min(there, key=lambda e: e.objective)
     return None
@@ -160,29 +207,14 @@ def _evaluate(
     ladder: Ladder,
     runner: Runner,
     objective: Objective,
-    left: Sequence[tuple[str, int]],
     watch: Watch,
-) -> list[Evaluation]:
-    """Evaluate candidates, each from the run directory or by a run; in the order asked."""
+) -> None:
+    """Evaluate what is not in the run directory yet."""
     known = [found for c in candidates if (found := memory.recall(c)) is not None]
+    for found in known:
+        watch(Progress(found, [], replayed=True))
     missing = [c for c in candidates if c.index not in memory.known]
-    done: dict[int, Evaluation] = {}
-    for evaluation in chain(known, _made(missing, ladder, runner, objective)):
-        replayed = evaluation.candidate.index in memory.known
-        if not replayed:
-            memory.run.add_evaluation(evaluation)
-        done[evaluation.candidate.index] = evaluation
-        watch(Progress(evaluation, _less(left, len(done)), replayed))
-    return [done[c.index] for c in candidates]
-
-
-def _made(
-    candidates: Sequence[Candidate], ladder: Ladder, runner: Runner, objective: Objective
-) -> Iterator[Evaluation]:
-    for candidate, outcome in runner.run(ladder, candidates):
-        yield Evaluation(candidate, outcome, value(objective, outcome))
-
-
-def _less(left: Sequence[tuple[str, int]], done: int) -> list[tuple[str, int]]:
-    """The planned runs with those done of the present generation taken off."""
-    return [(level, n - done * (place == 0)) for place, (level, n) in enumerate(left)]
+    for candidate, outcome in runner.run(ladder, missing):
+        new = Evaluation(candidate, outcome, value(objective, outcome))
+        memory.run.add_evaluation(new)
+        watch(Progress(new, [], replayed=False))

@@ -2,8 +2,8 @@
 
     study.toml       the study as given
     run.json         format, versions, seeds, choices made at the start
-    journal.jsonl    one line per generation and evaluation, with its numbers, and one on the
-                     engine of the reference runs
+    journal.jsonl    one line per generation, evaluation and insight, with its numbers, and one
+                     on the engine of the reference runs
     outcomes/N.h5    arrays of evaluation N, if it has any
 
 Arrays are written aside, flushed and renamed before the journal line is appended and
@@ -28,7 +28,7 @@ import numpy as np
 
 from mfopt.arrays import AnyArray, frozen
 from mfopt.errors import ConfigError
-from mfopt.evaluation import Candidate, Evaluation, Generation, Reference
+from mfopt.evaluation import Candidate, Evaluation, Generation, Insight, Reference
 from mfopt.outcome import Outcome
 
 FORMAT = 1
@@ -41,6 +41,7 @@ class RunDirectory:
     path: Path
     header: Mapping[str, Any]
     generations: list[Generation] = field(default_factory=list)
+    insights: list[Insight] = field(default_factory=list)
     reference: Reference | None = None  # None if the study asks for none
     end: str | None = None  # why the run ended; None while it runs or if it broke off
     _lines: list[dict[str, Any]] = field(default_factory=list)
@@ -84,6 +85,13 @@ class RunDirectory:
             return
         self._append({"kind": "generation", **asdict(generation)})
         self.generations.append(generation)
+
+    def add_insight(self, insight: Insight) -> None:
+        """Append what a generation taught, unless the journal has it already."""
+        if any(i.generation == insight.generation for i in self.insights):
+            return
+        self._append({"kind": "insight", **asdict(insight)})
+        self.insights.append(insight)
 
     def add_evaluation(self, evaluation: Evaluation) -> None:
         """Append an evaluation: arrays first, then the journal line that makes it count."""
@@ -160,6 +168,8 @@ def open_run(path: Path) -> RunDirectory:
         match line.pop("kind"):
             case "generation":
                 run.generations.append(Generation(**line))
+            case "insight":
+                run.insights.append(Insight(**line | {"best": tuple(line["best"])}))
             case "evaluation":
                 run._lines.append(line)
             case "reference":

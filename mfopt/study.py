@@ -11,6 +11,8 @@ from mfopt.objective import objective_named
 from mfopt.search import Stage
 from mfopt.settings import Settings, checked, nearest
 
+POPULATION_SIZE = 16  # of a stage that names none
+
 
 class StudyHead(Settings):
     """What the study is called and which seed all its random draws follow from."""
@@ -31,14 +33,31 @@ class StageSettings(Settings):
 
 
 class SearchSettings(Settings):
-    """The search and its planned list of levels."""
+    """The search: surrogate-assisted over all levels, or CMA-ES on a planned list of them."""
 
-    method: Literal["cma-es"] = "cma-es"
-    population_size: int = Field(default=16, ge=3)
+    method: Literal["assisted", "cma-es"] = "assisted"
+    budget: float | None = Field(default=None, ge=1.0)  # of the assisted search [full runs]
+    population_size: int | None = Field(default=None, ge=3)
     sigma: float = Field(default=0.2, gt=0.0, le=1.0)
     seeds: int = Field(default=1, ge=1)
     exchange: tuple[str, str] | None = Field(default=None, strict=False)
-    stage: list[StageSettings]
+    stage: list[StageSettings] = Field(default_factory=list)
+
+    @model_validator(mode="after")
+    def _complete(self) -> "SearchSettings":
+        if self.method == "assisted":
+            if self.stage:
+                raise ValueError(
+                    'stages are of method = "cma-es"; the assisted search changes the level by '
+                    "itself: give it a budget instead"
+                )
+            if self.budget is None:
+                raise ValueError("budget is missing; give it in runs of the target level")
+        elif not self.stage:
+            raise ValueError("there is no [[search.stage]]; plan at least one level")
+        elif self.budget is not None:
+            raise ValueError('budget is of method = "assisted"; the stages say what is spent')
+        return self
 
     def stages(self, objective: str) -> tuple[Stage, ...]:
         """The plan, with what a stage leaves out filled in."""
@@ -46,7 +65,7 @@ class SearchSettings(Settings):
             Stage(
                 level=s.level,
                 generations=s.generations,
-                population_size=s.population_size or self.population_size,
+                population_size=s.population_size or self.population_size or POPULATION_SIZE,
                 sigma=s.sigma or self.sigma,
                 objective=s.objective or objective,
                 seeds=s.seeds or self.seeds,
@@ -141,8 +160,6 @@ def _check_levels(study: Study, path: Path) -> None:
     names = [str(level.get("name")) for level in study.level]
     if not names:
         raise ConfigError(f"{path}: the ladder is empty; give at least one [[level]]")
-    if not study.search.stage:
-        raise ConfigError(f"{path}: the search has no [[search.stage]]; plan at least one level")
     for stage in study.search.stage:
         if stage.level not in names:
             raise ConfigError(

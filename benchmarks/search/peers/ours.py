@@ -7,28 +7,17 @@ called "0", "1", ... with the last the target; designs are in the case's box.
 import time
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Protocol
 
 import numpy as np
 
 from benchmarks.search.case import Array, Case, Meter, Spent, Trace
+from mfopt.assisted import AssistedCmaEs
 from mfopt.cmaes import CmaEs
-from mfopt.evaluation import Candidate
 from mfopt.problem import Problem, Variable
-from mfopt.search import Stage
+from mfopt.search import Rung, Search, Stage
+from surrogates.autoregressive import AutoregressiveGp
 
-
-class AskTell(Protocol):
-    """The part of `mfopt.search.Search` that is used; `recommended() -> x` where there is one."""
-
-    def ask(self) -> list[Candidate]: ...
-
-    def tell(self, candidates: list[Candidate], values: list[float]) -> None: ...
-
-    def should_stop(self) -> str | None: ...
-
-
-Build = Callable[[Case, float, int], AskTell]
+Build = Callable[[Case, float, int], Search]
 
 
 def problem_of(case: Case) -> Problem:
@@ -46,8 +35,7 @@ def level_names(case: Case) -> tuple[str, ...]:
 def run_search(build: Build, case: Case, budget: float, seed: int) -> Trace:
     """Run a search until it stops or the budget is spent."""
     search = build(case, budget, seed)
-    recommended: Callable[[], Array] | None = getattr(search, "recommended", None)
-    meter = Meter(case, budget, seed, follow_best=recommended is None)
+    meter = Meter(case, budget, seed, follow_best=False)
     try:
         while (why := search.should_stop()) is None:
             began = time.process_time()
@@ -56,8 +44,8 @@ def run_search(build: Build, case: Case, budget: float, seed: int) -> Trace:
             values = [meter(_z(case, c.x), int(c.level)) for c in candidates]
             began = time.process_time()
             search.tell(candidates, values)
-            if recommended is not None:
-                meter.recommend(_z(case, recommended()), int(candidates[-1].level))
+            if (x := search.recommended()) is not None:
+                meter.recommend(_z(case, x), int(candidates[-1].level))
             meter.slowest_s = max(meter.slowest_s, asked_s + time.process_time() - began)
     except Spent as spent:
         why = str(spent)
@@ -79,7 +67,25 @@ def _z(case: Case, x: Array) -> Array:
     return np.asarray((x - case.lower) / (case.upper - case.lower))
 
 
+def assisted(case: Case, budget: float, seed: int) -> AssistedCmaEs:
+    """`mfopt.AssistedCmaEs` with the case's levels."""
+    rungs = [Rung(name, cost) for name, cost in zip(level_names(case), case.costs, strict=True)]
+    return AssistedCmaEs(
+        problem_of(case), rungs, AutoregressiveGp(), budget=budget, seed=seed, sigma=case.sigma0
+    )
+
+
+def assisted_on_target(case: Case, budget: float, seed: int) -> AssistedCmaEs:
+    """The same on the target level alone."""
+    rungs = [Rung(level_names(case)[-1], case.costs[-1])]
+    return AssistedCmaEs(
+        problem_of(case), rungs, AutoregressiveGp(), budget=budget, seed=seed, sigma=case.sigma0
+    )
+
+
 BUILDS: Mapping[str, Build] = {
+    "mfopt": assisted,
+    "mfopt-target": assisted_on_target,
     "mfopt-cmaes": planned_cmaes,
 }
 

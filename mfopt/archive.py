@@ -1,0 +1,51 @@
+"""Every run that a search was told of, one row a run."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mfopt.arrays import Array, IntArray, frozen
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Archive:
+    """Runs in the order they were told.
+
+    Args:
+        z: (n, d) designs in the unit cube.
+        level: (n,) index of the level in the ladder, 0 the coarsest.
+        value: (n,) objective; infinite for a failed run.
+        counts: (n, c) soft-constraint terms contained in `value`.
+    """
+
+    z: Array
+    level: IntArray
+    value: Array
+    counts: Array
+
+    @classmethod
+    def empty(cls, d: int) -> "Archive":
+        """An archive of no run of `d` variables."""
+        return cls(np.empty((0, d)), np.empty(0, dtype=np.int64), np.empty(0), np.empty((0, 0)))
+
+    def __len__(self) -> int:
+        return len(self.value)
+
+    def added(self, z: Array, level: int, value: float, counts: Array) -> "Archive":
+        """This archive with one run more; `counts` (c,) has as many terms in every run."""
+        before = self.counts if len(self) else np.empty((0, len(counts)))
+        return Archive(
+            frozen(np.vstack([self.z, z])),
+            np.append(self.level, level),
+            frozen(np.append(self.value, value)),
+            frozen(np.vstack([before, counts])),
+        )
+
+    @property
+    def finished(self) -> int:
+        """Number of runs that did not fail."""
+        return int(np.isfinite(self.value).sum())
+
+    def values_at(self, level: int) -> Array:
+        """Objective of the runs at a level, in order."""
+        return np.asarray(self.value[self.level == level])

@@ -1,0 +1,394 @@
+"""Surrogate-assisted CMA-ES over a ladder: it runs only what it cannot predict.
+
+In each generation the surrogate, taught with all runs at all levels around the sampling
+distribution, proposes the minimiser of its mean in a trust region beside the CMA-ES samples. The
+candidates that are run are that minimiser, then those that joint posterior draws favour
+(Thompson sampling), until the ranking of the generation is decided. CMA-ES is told the weights
+that its candidates can expect over joint posterior draws, so that doubt moves it little. The
+level changes by itself (`mfopt.climbing`).
+
+Sources: Hansen, arXiv:1604.00772 (CMA-ES); Bajer et al., doi:10.1162/evco_a_00244 (doubly
+trained surrogate CMA-ES); Hansen, GECCO 2019, doi:10.1145/3321707.3321842 (lq-CMA-ES: injection
+of the model's minimiser); Eriksson et al., arXiv:1910.01739 (trust region, Thompson sampling).
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mfopt.archive import Archive
+from mfopt.arrays import Array, frozen
+from mfopt.belief import Belief, learn
+from mfopt.climbing import Standing, misled, validation_due, why_climb
+from mfopt.distribution import Distribution
+from mfopt.errors import ConfigError, SimulationError
+from mfopt.evaluation import Candidate, Generation, Insight
+from mfopt.prescreen import minimiser, thompson
+from mfopt.problem import Problem
+from mfopt.ranking import certainty, expected_weights, recombination_weights
+from mfopt.search import Rung
+from mfopt.surrogate import Surrogate
+from mfopt.swap import Pair, check_pair, swapped, wrong_way
+
+DRAWS = 128
+DECIDED = 0.5  # certainty of a generation's ranking at which no more of it is run
+RADIUS = 2.0  # of the trust region [sqrt(d)], in the distribution's coordinates
+WIDTH_AFTER_CLIMB = 0.05  # least widest deviation after a level change, unit cube
+FAR = 4.0  # a recommendation so far from the mean [sqrt(d)] starts a new distribution
+WIDTH_OF_RESTART = 0.5  # of the first step size
+CONVERGED = 1e-6  # widest deviation at the target level that leads to a restart, unit cube
+REDRAWS = 1000  # draws for one possible design before giving up
+
+
+class AssistedCmaEs:
+    """Surrogate-assisted CMA-ES on a ladder of levels, of which the last is the target.
+
+    Args:
+        problem: what to minimise over.
+        rungs: the levels, coarse to fine.
+        surrogate: learns from all runs.
+        budget: cost that may be spent.
+        seed: of all random draws.
+        sigma: first step size in the unit cube.
+        population_size: candidates per generation; 4 + 3 ln d if left out.
+        objective: name of the objective that the values told belong to.
+        seeds: simulation seeds that generations take turns on.
+        first_seed: seed of the first simulation.
+        exchange: two variables whose values are exchanged, once a level, where the recommended
+            design has the first above the second: a minimum that steps do not lead out of.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        rungs: Sequence[Rung],
+        surrogate: Surrogate,
+        *,
+        budget: float,
+        seed: int,
+        sigma: float = 0.2,
+        population_size: int | None = None,
+        objective: str = "returned",
+        seeds: int = 1,
+        first_seed: int = 1,
+        exchange: Pair | None = None,
+    ) -> None:
+        if not rungs:
+            raise ConfigError("the search has no level: give at least one")
+        if budget < rungs[-1].cost:
+            raise ConfigError(
+                f"budget = {budget:g} is below the cost of one run at {rungs[-1].level!r}, "
+                f"{rungs[-1].cost:g}; raise it"
+            )
+        check_pair(problem, exchange)
+        self._exchange = exchange
+        self._turned: Array | None = None  # the recommendation exchanged, once a level
+        self._problem, self._rungs, self._surrogate = problem, tuple(rungs), surrogate
+        self._budget, self._sigma = budget, sigma
+        self._size = population_size or 4 + int(3 * np.log(problem.dimension))
+        self._objective, self._seeds, self._first_seed = objective, seeds, first_seed
+        self._rng = np.random.default_rng(seed)
+        self._start = problem.to_z(problem.baseline)
+        self._archive = Archive.empty(problem.dimension)
+        self._waiting: dict[int, tuple[Array, int]] = {}  # asked, not told
+        self._asked, self._number, self._restarts, self._why = 0, 1, 0, "start"
+        self._spent = np.zeros(len(rungs))  # of what was asked, by level
+        self._level, self._lowest = 0, 0
+        self._since_validation = (0.0, 0)  # cost and runs at the working level
+        self._belief: Belief | None = None
+        self._insight: Insight | None = None
+        self._stop: str | None = None
+        self._distribution = Distribution(self._start, sigma, self._size, self._rng)
+        self._open_generation()
+
+    @property
+    def generation(self) -> Generation:
+        """The generation that the next `ask` belongs to."""
+        return Generation(
+            self._number, self._rungs[self._level].level, self._restarts,
+            self._distribution.sigma, self._size, self._objective, self._why,
+        )  # fmt: skip
+
+    @property
+    def insight(self) -> Insight | None:
+        """What the last finished generation taught."""
+        return self._insight
+
+    @property
+    def work_left(self) -> list[tuple[str, int]]:
+        """The budget left, in runs at the target level."""
+        if self._stop is not None:
+            return []
+        target = self._rungs[-1]
+        return [(target.level, round((self._budget - self._spent.sum()) / target.cost))]
+
+    def should_stop(self) -> str | None:
+        """Why the search is over, in words; None while it goes on."""
+        return self._stop
+
+    def recommended(self) -> Array | None:
+        """The design (d,) to build, as far as is known; None before a run has finished."""
+        z = self._recommended()
+        return None if z is None else frozen(self._problem.to_x(z))
+
+    def ask(self, n: int | None = None) -> list[Candidate]:
+        """Propose up to `n` runs; fewer, or none, while results must come first.
+
+        Without `n`, those that the search needs before it can go on.
+        """
+        asked: list[Candidate] = []
+        while self._stop is None and (n is None or len(asked) < n):
+            if not self._planned and n is not None:
+                self._pick(awaited=False)  # rather than leave a worker idle
+            if not self._planned:
+                break
+            asked.append(self._candidate(*self._planned.pop(0)))
+        return asked
+
+    def tell(
+        self,
+        candidates: Sequence[Candidate],
+        values: Sequence[float],
+        counts: Array | None = None,
+    ) -> None:
+        """Learn the values of some candidates, in any order; infinite for a failed run.
+
+        Args:
+            counts: (n, c) soft-constraint terms contained in the values.
+        """
+        terms = np.zeros((len(candidates), 0)) if counts is None else counts
+        for candidate, value, row in zip(candidates, values, terms, strict=True):
+            z, level = self._waiting.pop(candidate.index)
+            self._archive = self._archive.added(z, level, float(value), row)
+            self._awaited.discard(candidate.index)
+        if self._stop is None and not self._planned and not self._awaited:
+            self._go_on()
+
+    def _candidate(self, z: Array, level: int, awaited: bool) -> Candidate:
+        index, cost = self._asked, self._rungs[level].cost
+        self._asked += 1
+        self._waiting[index] = (z, level)
+        if awaited:
+            self._awaited.add(index)
+        self._spent[level] += cost
+        if level == self._level:
+            spent, runs = self._since_validation
+            self._since_validation = (spent + cost, runs + 1)
+        return Candidate(
+            index, frozen(self._problem.to_x(z)), self._rungs[level].level,
+            self._first_seed + self._number % self._seeds, self._number,
+        )  # fmt: skip
+
+    def _open_generation(self) -> None:
+        """Draw the candidates of a generation and plan the first runs."""
+        if self._budget - self._spent.sum() < self._rungs[self._level].cost:
+            self._stop = "the budget is spent"
+            return
+        self._planned: list[tuple[Array, int, bool]] = []  # design, level, awaited
+        self._awaited: set[int] = set()
+        self._values: dict[int, int] = {}  # candidate of the generation -> row of the archive
+        if self._belief is None:
+            self._pool = self._samples(self._size)
+            if self._number == 1:
+                self._planned.append((self._start, self._level, True))
+            self._open: list[int] = []
+            self._planned += [(z, self._level, True) for z in self._pool]
+            return
+        self._plan_validation()
+        self._plan_exchange()
+        self._pool = np.vstack([self._proposal(), self._samples(self._size - 1)])
+        self._open = list(range(self._size))
+        self._take(0, awaited=True)
+
+    def _plan_validation(self) -> None:
+        above, best = self._level + 1, self._recommended()
+        if above == len(self._rungs) or best is None:
+            return
+        if validation_due(*self._since_validation, self._rungs[above].cost):
+            self._since_validation = (0.0, 0)
+            if not len(self._archive.values_at(above)):
+                self._planned.append((self._start, above, True))
+            self._planned.append((best, above, True))
+
+    def _plan_exchange(self) -> None:
+        """Run the recommended design exchanged, once a level, where it is the wrong way round."""
+        best = self._recommended()
+        if self._exchange is None or self._turned is not None or best is None:
+            return
+        x = self._problem.to_x(best)
+        if wrong_way(self._problem, self._exchange, x):
+            turned = swapped(self._problem, self._exchange, x)
+            self._turned = best if turned is None else self._problem.to_z(turned)
+            self._planned.append((self._turned, self._level, True))
+
+    def _exchange_pays(self) -> bool:
+        """Whether the exchanged design is the best run at this level."""
+        if self._turned is None:
+            return False
+        own = self._archive.level == self._level
+        z, values = self._archive.z[own], self._archive.value[own]
+        turned = (z == self._turned).all(axis=1)
+        if not turned.any() or turned.all():
+            return False
+        return bool(values[turned].min() < values[~turned].min())
+
+    def _proposal(self) -> Array:
+        """Minimiser (d,) of the surrogate's mean in the trust region, or a sample instead."""
+        assert self._belief is not None
+        radius = RADIUS * np.sqrt(self._problem.dimension)
+        u = minimiser(self._belief.posterior, self._level, self._belief.u, radius)
+        z = self._distribution.to_z(u[None, :])[0]
+        if self._problem.impossible(self._problem.to_x(z)) is not None:
+            z = self._samples(1)[0]
+        return np.asarray(z)
+
+    def _samples(self, n: int) -> Array:
+        """Draw (n, d) possible designs."""
+        found: list[Array] = []
+        reason = None
+        for _ in range(REDRAWS * n):
+            z = self._distribution.sample(1)[0]
+            reason = self._problem.impossible(self._problem.to_x(z))
+            if reason is None:
+                found.append(z)
+                if len(found) == n:
+                    return np.array(found)
+        raise SimulationError(
+            f"{REDRAWS * n} designs drawn gave {len(found)} possible ones, the last failed because "
+            f"{reason}; widen the bounds or start from another design"
+        )
+
+    def _take(self, place: int, *, awaited: bool) -> None:
+        self._open.remove(place)
+        self._planned.append((self._pool[place], self._level, awaited))
+
+    def _pick(self, *, awaited: bool) -> None:
+        """Plan one more run of this generation, if the budget allows."""
+        affordable = self._budget - self._spent.sum() >= self._rungs[self._level].cost
+        if self._belief is None or not self._open or not affordable:
+            return
+        taken = [place for place in range(self._size) if place not in self._open]
+        (place,) = thompson(self._draws(self._level, 1), taken, 1)
+        self._take(place, awaited=awaited)
+
+    def _draws(self, level: int, n: int) -> Array:
+        assert self._belief is not None
+        u = self._distribution.to_u(self._pool)
+        return self._belief.posterior.sample(u, level, n, self._rng)
+
+    def _weights(self, level: int) -> Array:
+        return expected_weights(self._draws(level, DRAWS))
+
+    def _learn(self) -> None:
+        self._belief = learn(
+            self._archive, self._distribution, self._surrogate, self._belief,
+            working=self._level, lowest=self._lowest,
+        )  # fmt: skip
+
+    def _go_on(self) -> None:
+        """All runs that were waited for are told: run more of the generation, or close it."""
+        first = self._belief is None
+        self._learn()
+        if self._belief is None:
+            self._close_untaught()
+            return
+        weights = self._weights(self._level)
+        if not first and certainty(weights) < DECIDED:
+            self._pick(awaited=True)
+            if self._planned:
+                return
+        self._close(weights)
+
+    def _close_untaught(self) -> None:
+        """Too few runs have finished to learn from: rank what there is, failed runs last."""
+        values = self._archive.value[-self._size :]
+        order = np.argsort(np.argsort(values, kind="stable"))
+        self._distribution.update(self._pool, -recombination_weights(self._size)[order])
+        self._next_generation("")
+
+    def _close(self, weights: Array) -> None:
+        above, certain = self._level + 1, certainty(weights)
+        certain_above = 1.0
+        if above < len(self._rungs) and len(self._archive.values_at(above)):
+            certain_above = certainty(self._weights(above))
+        self._insight = self._look_back(certain)
+        self._distribution.update(self._pool, -weights)
+        self._learn()
+        self._next_generation(self._move(certain, certain_above))
+
+    def _next_generation(self, why: str) -> None:
+        self._number += 1
+        self._why = why
+        self._open_generation()
+
+    def _look_back(self, certain: float) -> Insight | None:
+        z = self._recommended()
+        if z is None or self._belief is None:
+            return None
+        u = self._distribution.to_u(z[None, :])
+        mean, variance = self._belief.posterior.predict(u, self._level)
+        return Insight(
+            self._number, certain, self._size - len(self._open),
+            self._rungs[self._level].level, tuple(map(float, self._problem.to_x(z))),
+            float(mean[0]), float(np.sqrt(variance[0])),
+        )  # fmt: skip
+
+    def _move(self, certain: float, certain_above: float) -> str:
+        """Change the level or start anew where it is due; why, in words."""
+        if (
+            self._turned is not None
+            and self._exchange_pays()
+            and self._distance(self._turned) > (RADIUS * np.sqrt(len(self._turned)))
+        ):
+            self._restarts += 1
+            self._begin_at(self._turned, WIDTH_OF_RESTART * self._sigma)
+            return f"{' and '.join(self._exchange or ())} exchanged"
+        target = len(self._rungs) - 1
+        widest = self._distribution.widest
+        if self._level == target:
+            if widest < CONVERGED:
+                return self._restart("converged")
+            return ""
+        share = float(self._spent[:target].sum() / self._budget)
+        standing = Standing(self._level, self._archive, share, widest, certain, certain_above)
+        why = why_climb(standing)
+        return "" if why is None else self._climb(why)
+
+    def _climb(self, why: str) -> str:
+        self._level += 1
+        self._restarts += 1
+        self._turned = None
+        self._since_validation = (0.0, 0)
+        name = self._rungs[self._level].level
+        if misled(self._archive, self._level):
+            self._lowest = self._level
+            self._begin_at(self._start, self._sigma)
+            return f"level change to {name}, from the start: the levels below mislead"
+        best = self._recommended()
+        if best is not None and self._distance(best) > FAR * np.sqrt(len(best)):
+            self._begin_at(best, WIDTH_OF_RESTART * self._sigma)
+        else:
+            self._distribution.widen(WIDTH_AFTER_CLIMB)
+            self._learn()
+        return f"level change to {name}: {why}"
+
+    def _restart(self, why: str) -> str:
+        self._restarts += 1
+        best = self._recommended()
+        self._begin_at(self._start if best is None else best, WIDTH_OF_RESTART * self._sigma)
+        return why
+
+    def _begin_at(self, z: Array, sigma: float) -> None:
+        self._distribution = Distribution(z, sigma, self._size, self._rng)
+        self._learn()
+
+    def _distance(self, z: Array) -> float:
+        return float(np.linalg.norm(self._distribution.to_u(z[None, :])[0]))
+
+    def _recommended(self) -> Array | None:
+        """The design of lowest posterior mean at the working level, doubt counted against it."""
+        if self._belief is not None:
+            return np.asarray(self._belief.z[self._belief.best(self._level, 2 * self._size)])
+        if self._archive.finished == 0:
+            return None
+        return np.asarray(self._archive.z[int(np.argmin(self._archive.value))])

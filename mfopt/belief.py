@@ -1,0 +1,100 @@
+"""What the surrogate believes around the sampling distribution, and what it was taught there."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mfopt.archive import Archive
+from mfopt.arrays import Array, IntArray
+from mfopt.distribution import Distribution
+from mfopt.surrogate import Hyperparameters, Observations, Posterior, Surrogate
+
+ROWS = 12  # per variable, at the working level and above
+ROWS_BELOW = 8  # per variable, at each lower level
+FURTHEST = 5.0  # rows further from the mean teach nothing of the neighbourhood [sqrt(d)]
+NEARBY = 3.0  # what counts as the neighbourhood [sqrt(d)]
+REFIT_GROWTH = 1.1  # hyperparameters are learnt anew when there are so many times the runs
+FEWEST = 3  # finished runs to learn anything from
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Belief:
+    """A surrogate taught with the runs nearest to the distribution, in its coordinates."""
+
+    posterior: Posterior
+    z: Array  # (n, d) distinct designs that finished, unit cube
+    u: Array  # (n, d) the same in the distribution's coordinates
+    runs_at_fit: int  # runs in the archive when the hyperparameters were learnt
+
+    def nearby(self, fewest: int) -> IntArray:
+        """Rows in the neighbourhood of the mean, at least the `fewest` nearest."""
+        away = np.linalg.norm(self.u, axis=1)
+        last = np.sort(away)[min(len(away), fewest) - 1]
+        reach = max(NEARBY * np.sqrt(self.u.shape[1]), last)
+        return np.flatnonzero(away <= reach)
+
+    def best(self, level: int, fewest: int) -> int:
+        """Row of the nearby design that is best at a level, doubt counted against it."""
+        near = self.nearby(fewest)
+        mean, variance = self.posterior.latent(self.u[near], level)
+        return int(near[np.argmin(mean + np.sqrt(variance))])
+
+
+def learn(
+    archive: Archive,
+    distribution: Distribution,
+    surrogate: Surrogate,
+    before: Belief | None,
+    *,
+    working: int,
+    lowest: int,
+) -> Belief | None:
+    """Teach the surrogate the neighbourhood of the distribution.
+
+    Args:
+        before: the last belief; its hyperparameters are kept until there are enough new runs.
+        working: level that the search works at.
+        lowest: levels below this one are not to be trusted.
+
+    Returns:
+        None where too few runs have finished.
+    """
+    u = distribution.to_u(archive.z)
+    rows = _nearest(archive, u, working, lowest)
+    if np.isfinite(archive.value[rows]).sum() < FEWEST:
+        return None
+    observations = Observations(
+        u[rows], archive.level[rows], archive.value[rows],
+        np.where(np.isfinite(archive.value[rows])[:, None], archive.counts[rows], 0.0),
+    )  # fmt: skip
+    start = _start(before, observations)
+    due = before is None or len(archive) >= REFIT_GROWTH * before.runs_at_fit + 1
+    refit = start is None or due
+    finished = rows[np.isfinite(archive.value[rows])]
+    _, first = np.unique(archive.z[finished], axis=0, return_index=True)
+    distinct = finished[np.sort(first)]
+    at_fit = len(archive) if refit or before is None else before.runs_at_fit
+    posterior = surrogate.fit(observations, start, refit)
+    return Belief(posterior, archive.z[distinct], u[distinct], at_fit)
+
+
+def _nearest(archive: Archive, u: Array, working: int, lowest: int) -> IntArray:
+    """Rows to learn from: the nearest of each level, none that lies far outside."""
+    d = u.shape[1]
+    away = np.linalg.norm(u, axis=1)
+    limit = max(FURTHEST * np.sqrt(d), np.sort(away)[min(len(away) - 1, 2 * d)])
+    rows: list[int] = []
+    for level in np.unique(archive.level[archive.level >= lowest]):
+        own = np.flatnonzero((archive.level == level) & (away <= limit))
+        most = (ROWS if level >= working else ROWS_BELOW) * d
+        rows.extend(own[np.argsort(away[own], kind="stable")[:most]])
+    return np.sort(np.array(rows, dtype=np.int64))
+
+
+def _start(before: Belief | None, observations: Observations) -> Hyperparameters | None:
+    """Hyperparameters to begin with, if they fit the levels that there are."""
+    if before is None:
+        return None
+    start = before.posterior.hyperparameters
+    present = np.unique(observations.level[np.isfinite(observations.value)])
+    return start if start.levels == tuple(present.tolist()) else None

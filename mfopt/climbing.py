@@ -1,0 +1,57 @@
+"""When the assisted search looks one level up, and when it moves there.
+
+Every so often the design recommended so far is run once at the next level: a validation. The
+search moves up when validations stop improving, when the ranking that CMA-ES uses is decided at
+its level but in doubt at the next one, when it has converged, or when its share is spent.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mfopt.archive import Archive
+
+VALIDATE_COST = 3.0  # spent at a level before a validation, in runs of the next level, or
+VALIDATE_RUNS = 40  # runs at a level before a validation, if that is less
+PATIENCE = 2  # validations without an improvement
+FEWEST_VALIDATIONS = 6  # before rankings at two levels are compared
+DOUBT = 0.5  # certainty at the next level over that at this one, below which it moves up
+CONVERGED = 2e-3  # widest standard deviation, unit cube: finer at a coarse level is vain
+BELOW_SHARE = 0.6  # of the budget, for all levels below the target together
+
+
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """Where the search stands at its level."""
+
+    level: int
+    archive: Archive
+    below_share: float  # of the budget, spent below the target
+    widest: float  # standard deviation of the distribution, unit cube
+    certainty: float  # of the ranking at this level
+    certainty_above: float  # of the ranking at the next level
+
+
+def validation_due(spent: float, runs: int, cost_above: float) -> bool:
+    """Whether enough was spent at a level since the last look at the next one."""
+    return runs >= VALIDATE_RUNS or spent >= VALIDATE_COST * cost_above
+
+
+def why_climb(standing: Standing) -> str | None:
+    """Why the search should move up one level, in words; None if it should not."""
+    above = standing.archive.values_at(standing.level + 1)
+    if standing.widest < CONVERGED:
+        return "converged"
+    if standing.below_share > BELOW_SHARE:
+        return f"{BELOW_SHARE:.0%} of the budget are spent below the target"
+    if len(above) >= FEWEST_VALIDATIONS and (standing.certainty_above < DOUBT * standing.certainty):
+        return "the ranking at the next level is in doubt"
+    if len(above) >= PATIENCE + 2 and len(above) - 1 - int(np.argmin(above)) >= PATIENCE:
+        return "validations at the next level no longer improve"
+    return None
+
+
+def misled(archive: Archive, above: int) -> bool:
+    """Whether no validation at the level `above` beat the first design, which is run there too."""
+    values = archive.values_at(above)
+    return len(values) >= PATIENCE + 2 and int(np.argmin(values)) == 0

@@ -1,0 +1,83 @@
+"""The sampling distribution of CMA-ES in the unit cube, as the assisted search uses it.
+
+pycma holds mean, step size and covariance. The search sees samples, and coordinates u in which
+the distribution is a standard normal: there a surrogate finds a function that is easy to learn.
+
+Source: Hansen, arXiv:1604.00772; Bajer, Pitra, Repicky & Holena, Evolutionary Computation 27
+(2019) 665, doi:10.1162/evco_a_00244 (surrogates in the whitened coordinates).
+"""
+
+import warnings
+from typing import Any
+
+import cma
+import numpy as np
+
+from mfopt.arrays import Array
+
+
+class Distribution:
+    """A normal distribution over the unit cube that learns from ranked samples.
+
+    Args:
+        z: (d,) first mean.
+        sigma: first step size.
+        population_size: samples per generation.
+        rng: of all draws.
+    """
+
+    def __init__(
+        self, z: Array, sigma: float, population_size: int, rng: np.random.Generator
+    ) -> None:
+        options = {
+            "bounds": [0.0, 1.0], "popsize": population_size, "seed": np.nan,
+            "randn": lambda *shape: rng.standard_normal(shape), "verbose": -9, "verb_log": 0,
+        }  # fmt: skip
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            self._es: Any = cma.CMAEvolutionStrategy(np.clip(z, 0.0, 1.0), sigma, options)
+
+    @property
+    def mean(self) -> Array:
+        """Mean (d,), moved into the cube."""
+        es = self._es
+        return np.asarray(es.gp.pheno(es.mean, into_bounds=es.boundary_handler.repair))
+
+    @property
+    def sigma(self) -> float:
+        """Step size."""
+        return float(self._es.sigma)
+
+    @property
+    def widest(self) -> float:
+        """Largest standard deviation of a variable."""
+        return float(self.sigma * np.sqrt(np.max(self._es.sm.variances)))
+
+    def sample(self, n: int) -> Array:
+        """Draw (n, d) points of the cube."""
+        return np.array(self._es.ask(n))
+
+    def to_u(self, z: Array) -> Array:
+        """Whitened coordinates (n, d) of points (n, d) of the cube."""
+        es = self._es
+        away = (np.atleast_2d(z) - self.mean) / es.sigma
+        return np.array([es.sm.transform_inverse(row) for row in away])
+
+    def to_z(self, u: Array) -> Array:
+        """Points (n, d) of the cube from whitened coordinates (n, d), moved into it."""
+        es = self._es
+        moved = [self.mean + es.sigma * es.sm.transform(row) for row in np.atleast_2d(u)]
+        return np.asarray(np.clip(np.array(moved), 0.0, 1.0))
+
+    def update(self, z: Array, losses: Array) -> None:
+        """Move the distribution towards the points (n, d) of low loss (n,).
+
+        Points that were not drawn here are taken as injections, their length limited.
+        """
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # cma warns of flat and of injected solutions
+            self._es.tell(list(z), list(losses))
+
+    def widen(self, widest: float) -> None:
+        """Raise the step size until `widest` is at least this; the covariance is kept."""
+        self._es.sigma *= max(1.0, widest / self.widest)

@@ -1,0 +1,55 @@
+"""Which candidates of a generation are run: chosen on the surrogate, never by its mean alone."""
+
+import numpy as np
+from scipy.optimize import minimize
+
+from mfopt.arrays import Array
+from mfopt.surrogate import Posterior
+
+STARTS = 3
+ITERATIONS = 40
+WALL = 10.0  # steepness of the trust region's wall, in standardised values
+
+
+def minimiser(posterior: Posterior, level: int, starts: Array, radius: float) -> Array:
+    """Minimiser (d,) of the latent mean at `level` inside a ball around the origin.
+
+    Args:
+        starts: (n, d) points; the search climbs down from the best few of them.
+        radius: of the trust region, in the surrogate's coordinates.
+    """
+    inside = starts * np.minimum(1.0, radius / (np.linalg.norm(starts, axis=1) + 1e-12))[:, None]
+    mean, _ = posterior.latent(inside, level)
+    scale = float(np.std(mean)) or 1.0
+    wall = WALL * scale
+
+    def cost(u: Array) -> tuple[float, Array]:
+        value, gradient = posterior.latent_gradient(u[None, :], level)
+        length = float(np.linalg.norm(u))
+        over = max(0.0, length - radius)
+        slope = gradient[0] + 2.0 * wall * over * u / max(length, 1e-12)
+        return float(value[0]) / scale + wall * over**2 / scale, slope / scale
+
+    best, lowest = inside[int(np.argmin(mean))], np.inf
+    for start in inside[np.argsort(mean, kind="stable")[:STARTS]]:
+        found = minimize(cost, start, jac=True, method="L-BFGS-B", options={"maxiter": ITERATIONS})
+        if found.fun < lowest:
+            best, lowest = found.x, float(found.fun)
+    return np.asarray(best)
+
+
+def thompson(draws: Array, taken: list[int], n: int) -> list[int]:
+    """Choose `n` candidates, each the best of one joint draw among those not taken.
+
+    Args:
+        draws: (at least n, candidates) joint posterior draws.
+        taken: candidates that are out.
+    """
+    chosen: list[int] = []
+    for draw in draws[:n]:
+        open_values = draw.copy()
+        open_values[[*taken, *chosen]] = np.inf
+        if not np.isfinite(open_values).any():
+            break
+        chosen.append(int(np.argmin(open_values)))
+    return chosen
