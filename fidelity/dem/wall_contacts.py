@@ -41,8 +41,8 @@ def wall_forces(state, walls, surface, law, materials, dt, measure, found, keys)
         materials: (w, 3) constants of the contact with each wall, see `law.Pair`.
         dt: [s].
         measure: whether to sum the elastic energy in `budget`, too.
-        found: (2 WALL_CONTACTS, 16) scratch.
-        keys: (2 WALL_CONTACTS, 3) scratch.
+        found: (WALL_CONTACTS, 11) scratch.
+        keys: (WALL_CONTACTS, 3) scratch.
     """
     place, budget = state.spheres.place, state.budget
     for e in range(state.counts[ENTRIES]):
