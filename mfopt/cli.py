@@ -121,7 +121,7 @@ def run(
     with full_disk_named(path):
         begin(path, text, _header(study, parts, workers), resume=resume)
         _prepare(study, parts, console)
-        with writing(path), _display(study, parts, console) as display:
+        with writing(path), _display(study, parts, search, console) as display:
             into = open_run(path)
             _begin_reference(into, parts, console)
             run_study(
@@ -183,7 +183,9 @@ def _begin_reference(run: RunDirectory, parts: Assembled, console: Console) -> N
         console.print(why, highlight=False, soft_wrap=True)
 
 
-def _display(study: Study, parts: Assembled, console: Console) -> "ProgressDisplay":
+def _display(
+    study: Study, parts: Assembled, search: Search, console: Console
+) -> "ProgressDisplay":
     """The progress, with the work of the confirmation planned."""
     from mfopt.progress import ProgressDisplay
 
@@ -196,6 +198,8 @@ def _display(study: Study, parts: Assembled, console: Console) -> "ProgressDispl
         full_run=work[at_top],
         unit=parts.problem.objective_unit,
         confirm_work=2 * (study.confirm.seeds * work[at_top] + once_more),
+        budget=None if study.search.budget is None else study.search.budget * work[at_top],
+        insight=lambda: search.insight,
     )
 
 
@@ -385,23 +389,52 @@ def _best_design(path: Path, problem: Problem) -> Array:
 
 @_command
 def ladder(study_file: StudyFile) -> None:
-    """Show the levels of a study, what they cost and what the plan spends on each."""
+    """Show the levels of a study, what they cost and what the study spends on them."""
     study, _ = read_study(study_file)
     parts = assemble(study, where=str(study_file))
-    stages = study.search.stages(study.problem.objective)
-    work = {level.name: level.work(parts.problem.baseline) for level in parts.ladder}
+    planned = _planned_runs(study, parts)
+    work = {level.name: level.work(parts.problem.baseline) for level in parts.all_levels}
     top = work[parts.ladder.top.name]
-    columns = ("level", "engine", "grains", "work of a run", "full runs", "planned runs")
+    columns = ("level", "engine", "grains", "work of a run", "full runs", "runs")
     table = Table(*columns, title=f"{study.study.name}: the ladder")
-    for level, said in zip(parts.ladder, parts.described, strict=True):
-        planned = sum(s.generations * s.population_size for s in stages if s.level == level.name)
-        if level.name == parts.ladder.top.name:
-            planned += 2 * study.confirm.seeds
+    for level, said in zip(parts.all_levels, parts.described, strict=False):
+        reference = level is parts.reference_level
+        runs = 2 if reference else planned[level.name]
         cells = (said["engine"], said.get("grains", "-"), f"{work[level.name]:.3g}")
-        table.add_row(level.name, *map(str, cells), f"{work[level.name] / top:.3g}", str(planned))
-    if parts.reference is not None and parts.reference_level is not None:
-        name, once = parts.reference_level.name, parts.reference_level.work(parts.problem.baseline)
-        grains = str(parts.described[-1].get("grains", "-"))
-        engine = parts.reference.engine
-        table.add_row(name, engine, grains, f"{once:.3g}", f"{once / top:.3g}", "2")
+        table.add_row(level.name, *map(str, cells), f"{work[level.name] / top:.3g}", str(runs))
     screen.print(table)
+    screen.print(_spending(study, parts, top))
+
+
+def _planned_runs(study: Study, parts: Assembled) -> dict[str, str]:
+    """Runs that a level is planned to have in search and confirmation, in words."""
+    stages = study.search.stages(study.problem.objective)
+    planned = {}
+    for name in parts.ladder.names:
+        search = sum(s.generations * s.population_size for s in stages if s.level == name)
+        confirm = 2 * study.confirm.seeds if name == parts.ladder.top.name else 0
+        if stages:
+            planned[name] = str(search + confirm)
+        else:
+            planned[name] = f"search + {confirm}" if confirm else "search"
+    return planned
+
+
+def _spending(study: Study, parts: Assembled, full_run: float) -> str:
+    """What the study may spend in all, in runs of the target level."""
+    x, its = parts.problem.baseline, study.search
+    after: float = 2.0 * study.confirm.seeds
+    if parts.reference_level is not None:
+        after += 2.0 * parts.reference_level.work(x) / full_run
+    if its.budget is not None:
+        how = "which it spreads over the levels by itself"
+        spent = its.budget
+    else:
+        how = "as planned"
+        stages = its.stages(study.problem.objective)
+        runs = ((parts.ladder[s.level], s.generations * s.population_size) for s in stages)
+        spent = sum(level.work(x) * n for level, n in runs) / full_run
+    return (
+        f"The search spends {spent:.3g} full runs, {how}; confirmation and reference "
+        f"{after:.3g} more. A full run is one run of {parts.ladder.top.name}, the target level."
+    )

@@ -11,11 +11,12 @@ import numpy as np
 
 from mfopt.archive import Archive
 
-VALIDATE_COST = 3.0  # spent at a level before a validation, in runs of the next level, or
+VALIDATE_COST = 2.0  # spent at a level before a validation, in runs of the next level, or
 VALIDATE_RUNS = 40  # runs at a level before a validation, if that is less
 PATIENCE = 2  # validations without an improvement
 FEWEST_VALIDATIONS = 6  # before rankings at two levels are compared
 DOUBT = 0.5  # certainty at the next level over that at this one, below which it moves up
+MISLED = 3  # runs at the next level, the start among them, before a level can be called misleading
 CONVERGED = 2e-3  # widest standard deviation, unit cube: finer at a coarse level is vain
 BELOW_SHARE = 0.6  # of the budget, for all levels below the target together
 
@@ -54,4 +55,4 @@ def why_climb(standing: Standing) -> str | None:
 def misled(archive: Archive, above: int) -> bool:
     """Whether no validation at the level `above` beat the first design, which is run there too."""
     values = archive.values_at(above)
-    return len(values) >= PATIENCE + 2 and int(np.argmin(values)) == 0
+    return len(values) >= MISLED and int(np.argmin(values)) == 0

@@ -8,7 +8,7 @@ from mfopt.surrogate import Posterior
 
 STARTS = 3
 ITERATIONS = 40
-WALL = 10.0  # steepness of the trust region's wall, in standardised values
+WALL = 10.0  # steepness of the trust region's wall, in deviations of the mean over the starts
 
 
 def minimiser(posterior: Posterior, level: int, starts: Array, radius: float) -> Array:
@@ -35,7 +35,8 @@ def minimiser(posterior: Posterior, level: int, starts: Array, radius: float) ->
         found = minimize(cost, start, jac=True, method="L-BFGS-B", options={"maxiter": ITERATIONS})
         if found.fun < lowest:
             best, lowest = found.x, float(found.fun)
-    return np.asarray(best)
+    length = float(np.linalg.norm(best))
+    return np.asarray(best * min(1.0, radius / max(length, 1e-12)))
 
 
 def thompson(draws: Array, taken: list[int], n: int) -> list[int]:

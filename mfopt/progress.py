@@ -3,14 +3,16 @@
 import math
 import resource
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from types import TracebackType
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from mfopt.evaluation import Candidate
+from mfopt.evaluation import Candidate, Insight
 from mfopt.run import Progress as RunProgress
+
+HALF_WIDTH = 1.96  # standard deviations on either side: 95 % of a normal distribution
 
 
 class ProgressDisplay:
@@ -22,6 +24,8 @@ class ProgressDisplay:
         full_run: that of the target level.
         unit: of the objective.
         confirm_work: work of the confirmation after the search.
+        budget: work that the search may spend; None if its plan of runs says it.
+        insight: what the search knows of its recommended design, if it says so.
     """
 
     def __init__(
@@ -32,15 +36,17 @@ class ProgressDisplay:
         full_run: float,
         unit: str,
         confirm_work: float,
+        budget: float | None = None,
+        insight: Callable[[], Insight | None] = lambda: None,
     ) -> None:
         self._console, self._work = console, work
         self._unit = "" if unit == "-" else f" {unit}"
-        self._confirm_work = confirm_work
+        self._confirm_work, self._budget, self._insight = confirm_work, budget, insight
         self._full_run = full_run
         self._spent = self._measured = self._simulators_cpu_s = 0.0
         self._began = time.monotonic()
         self._best: dict[str, float] = {}
-        self._phase_shown = ""
+        self._phases: set[str] = set()
         columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
         self._bar = Progress(*columns, console=console, refresh_per_second=1)
         self._task = self._bar.add_task("starting", total=None)
@@ -68,22 +74,38 @@ class ProgressDisplay:
             self._simulators_cpu_s += outcome.cpu_s + float(outcome.raw.get("settling_cpu_s", 0.0))
         if candidate.purpose != "search":
             self._confirm_work -= work
-        best = min(self._best.get(candidate.level, math.inf), progress.evaluation.objective)
-        self._best[candidate.level] = best
-        left = self._confirm_work + sum(self._work[name] * n for name, n in progress.runs_left)
-        phase = _phase(candidate)
+        left = self._left(progress)
         words = (
-            f"{phase}  best {best:.4g}{self._unit}  "
+            f"{_phase(candidate)} on {candidate.level}  {self._best_known(progress)}  "
             f"work {self._spent / self._full_run:.1f} of "
             f"{(self._spent + left) / self._full_run:.1f} full runs  {self._to_go(left)}"
         )
         self._bar.update(
             self._task, description=words, completed=self._spent, total=self._spent + left
         )
-        new = phase != self._phase_shown
+        new = _phase(candidate) not in self._phases
         if new and not self._console.is_terminal and not progress.replayed:
             self._console.print(words, soft_wrap=True)
-        self._phase_shown = phase
+        self._phases.add(_phase(candidate))
+
+    def _left(self, progress: RunProgress) -> float:
+        """Work still to be done."""
+        if progress.evaluation.candidate.purpose != "search":
+            return self._confirm_work
+        if self._budget is not None:
+            return self._confirm_work + max(0.0, self._budget - self._spent)
+        return self._confirm_work + sum(self._work[name] * n for name, n in progress.runs_left)
+
+    def _best_known(self, progress: RunProgress) -> str:
+        """The objective of the recommended design, or else the lowest of a run at this level."""
+        level = progress.evaluation.candidate.level
+        best = min(self._best.get(level, math.inf), progress.evaluation.objective)
+        self._best[level] = best
+        its = self._insight()
+        if its is None:
+            return f"best {best:.4g}{self._unit}"
+        half = HALF_WIDTH * its.deviation
+        return f"best {its.mean:.4g} \u00b1 {half:.2g}{self._unit} (predicted for {its.level})"
 
     def cpu(self) -> tuple[float, float]:
         """CPU time of mfopt itself, its workers and reports, and of the simulators [s].
@@ -104,7 +126,5 @@ class ProgressDisplay:
 
 def _phase(candidate: Candidate) -> str:
     if candidate.purpose == "search":
-        return f"generation {candidate.generation} on {candidate.level}"
-    if candidate.purpose.startswith("confirm"):
-        return f"confirming on {candidate.level}"
-    return f"reference run on {candidate.level}"
+        return f"generation {candidate.generation}"
+    return "confirming" if candidate.purpose.startswith("confirm") else "reference run"

@@ -27,21 +27,3 @@ def certainty(expected: Array) -> float:
     """How far the ranking is decided: 1 if every draw ranks alike, near 0 if by chance."""
     decided = recombination_weights(len(expected))
     return float(expected @ expected / (decided @ decided))
-
-
-def reliability(observed: Array, predicted: Array, noise_variance: float) -> float:
-    """Correlation of predictions with noise-free values, from noisy observations of them.
-
-    The correlation with the observations is divided by the square root of the share of their
-    variance that is not noise (correction for attenuation).
-
-    Source: Spearman, American Journal of Psychology 15 (1904) 72, doi:10.2307/1412159.
-
-    Returns:
-        Between -1 and 1; 0 where there are fewer than four points or nothing but noise.
-    """
-    spread = float(np.var(observed))
-    if len(observed) < 4 or spread <= 1.05 * noise_variance or np.ptp(predicted) == 0.0:
-        return 0.0
-    correlation = float(np.corrcoef(observed, predicted)[0, 1])
-    return float(np.clip(correlation / np.sqrt(1.0 - noise_variance / spread), -1.0, 1.0))

@@ -1,0 +1,43 @@
+import numpy as np
+import pytest
+
+from mfopt.prescreen import minimiser, thompson
+from mfopt.surrogate import Observations, Posterior
+from surrogates.autoregressive import AutoregressiveGp
+
+BOTTOM = np.array([0.6, -0.3, 0.2])
+
+
+@pytest.fixture(scope="module")
+def bowl() -> Posterior:
+    z = np.random.default_rng(1).normal(size=(40, 3))
+    value = ((z - BOTTOM) ** 2).sum(axis=1)
+    nothing = np.zeros((40, 0))
+    return AutoregressiveGp().fit(Observations(z, np.zeros(40, dtype=np.int64), value, nothing))
+
+
+def starts() -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+    return np.random.default_rng(2).normal(size=(5, 3))
+
+
+def test_the_minimiser_of_a_bowl_is_its_bottom(bowl: Posterior) -> None:
+    np.testing.assert_allclose(minimiser(bowl, 0, starts(), 3.0), BOTTOM, atol=0.02)
+
+
+def test_the_trust_region_bounds_it(bowl: Posterior) -> None:
+    found = minimiser(bowl, 0, starts(), 0.3)
+    assert np.linalg.norm(found) == pytest.approx(0.3, abs=0.03)
+    np.testing.assert_allclose(found / np.linalg.norm(found), BOTTOM / 0.7, atol=0.1)
+
+
+def test_each_draw_chooses_its_best_open_candidate() -> None:
+    draws = np.array([[0.0, 1.0, 2.0, 3.0], [0.5, 9.0, 8.0, 7.0], [4.0, 3.0, 2.0, 1.0]])
+    assert thompson(draws, [0], 3) == [1, 3, 2]
+    assert thompson(draws, [0, 1, 2, 3], 1) == []
+
+
+def test_thompson_prefers_doubt_over_a_slightly_better_mean() -> None:
+    rng = np.random.default_rng(3)
+    draws = rng.normal([0.0, 0.1], [0.01, 1.0], size=(500, 2))
+    chosen = [thompson(draw[None, :], [], 1)[0] for draw in draws]
+    assert 0.35 < np.mean(chosen) < 0.55
