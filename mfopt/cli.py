@@ -183,9 +183,7 @@ def _begin_reference(run: RunDirectory, parts: Assembled, console: Console) -> N
         console.print(why, highlight=False, soft_wrap=True)
 
 
-def _display(
-    study: Study, parts: Assembled, search: Search, console: Console
-) -> "ProgressDisplay":
+def _display(study: Study, parts: Assembled, search: Search, console: Console) -> "ProgressDisplay":
     """The progress, with the work of the confirmation planned."""
     from mfopt.progress import ProgressDisplay
 
@@ -397,11 +395,13 @@ def ladder(study_file: StudyFile) -> None:
     top = work[parts.ladder.top.name]
     columns = ("level", "engine", "grains", "work of a run", "full runs", "runs")
     table = Table(*columns, title=f"{study.study.name}: the ladder")
-    for level, said in zip(parts.all_levels, parts.described, strict=False):
-        reference = level is parts.reference_level
-        runs = 2 if reference else planned[level.name]
-        cells = (said["engine"], said.get("grains", "-"), f"{work[level.name]:.3g}")
-        table.add_row(level.name, *map(str, cells), f"{work[level.name] / top:.3g}", str(runs))
+    described = list(parts.described)
+    if parts.reference is not None and parts.reference_level is not None:
+        described.append({**described[-1], "engine": parts.reference.engine})
+        planned[parts.reference_level.name] = "2"
+    for level, said in zip(parts.all_levels, described, strict=True):
+        cells = (str(said["engine"]), str(said.get("grains", "-")), f"{work[level.name]:.3g}")
+        table.add_row(level.name, *cells, f"{work[level.name] / top:.3g}", planned[level.name])
     screen.print(table)
     screen.print(_spending(study, parts, top))
 
@@ -435,6 +435,6 @@ def _spending(study: Study, parts: Assembled, full_run: float) -> str:
         runs = ((parts.ladder[s.level], s.generations * s.population_size) for s in stages)
         spent = sum(level.work(x) * n for level, n in runs) / full_run
     return (
-        f"The search spends {spent:.3g} full runs, {how}; confirmation and reference "
+        f"The search may spend {spent:.3g} full runs, {how}; confirmation and reference "
         f"{after:.3g} more. A full run is one run of {parts.ladder.top.name}, the target level."
     )

@@ -10,12 +10,13 @@ from mfopt.store import RunDirectory
 from reports.reference import repeated
 from reports.result import Result, result
 from reports.rows import Row, read_rows
+from reports.statistics import believed_interval
 
 
 def found_in(run: RunDirectory) -> tuple[tuple[Row, ...], Result | None]:
     """The evaluations of a run, and its best design so far."""
     rows = read_rows(run)
-    return rows, result(rows, [level["name"] for level in run.header["levels"]])
+    return rows, result(rows, [level["name"] for level in run.header["levels"]], run.insights)
 
 
 def answer(run: RunDirectory) -> dict[str, Any]:
@@ -34,6 +35,12 @@ def answer(run: RunDirectory) -> dict[str, Any]:
         its["level"] = found.found.level
         its["objective"] = _finite(found.found.value)
         its["design"] = dict(zip(names, map(float, found.x), strict=True))
+        if found.belief is not None:
+            low, high = believed_interval(found.belief)
+            its["believed"] = {
+                "objective": found.belief.mean, "low": low, "high": high,
+                "level": found.belief.level, "generation": found.belief.generation,
+            }  # fmt: skip
         if found.objective is not None:
             its["confirmed_median"] = found.objective.median_best
             its["baseline_median"] = found.objective.median_baseline

@@ -10,6 +10,8 @@ import numpy as np
 from mfopt.evaluation import Generation
 from reports.rows import Row
 
+LOOK_AHEAD = "look at the next level"  # runs of a generation that are not at its own level
+
 
 @dataclass(frozen=True, slots=True)
 class Step:
@@ -25,7 +27,7 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class Stage:
-    """Consecutive generations with one level, population and objective, or confirmation runs."""
+    """Runs of consecutive generations at one level, or confirmation runs."""
 
     level: str
     purpose: str
@@ -86,11 +88,15 @@ def stages(
     search = [r for r in rows if r.purpose == "search"]
     made = []
     for group in _alike(generations):
-        numbers = {g.number for g in group}
+        numbers, first = {g.number for g in group}, group[0]
+        span = _span(first.number, group[-1].number)
         its = [r for r in search if r.generation in numbers]
-        span = _span(group[0].number, group[-1].number)
-        purpose = f"search by {group[0].objective.replace('_', ' ')}"
-        made.append(_stage(group[0].level, purpose, span, group[0].population_size, its, unit))
+        own = [r for r in its if r.level == first.level]
+        purpose = f"search by {first.objective.replace('_', ' ')}"
+        made.append(_stage(first.level, purpose, span, first.population_size, own, unit))
+        for level in dict.fromkeys(r.level for r in its if r.level != first.level):
+            looks = [r for r in its if r.level == level]
+            made.append(_stage(level, LOOK_AHEAD, span, None, looks, unit))
     known = {g.number for g in generations}
     others: dict[tuple[str, str], list[Row]] = {}
     for row in rows:

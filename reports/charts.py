@@ -50,7 +50,7 @@ def _figure(
     return figure, list(np.atleast_1d(axes))
 
 
-def _svg(figure: "Figure") -> str:
+def as_svg(figure: "Figure") -> str:
     file = io.StringIO()
     figure.savefig(file, format="svg", metadata={"Date": None, "Creator": None})
     text = file.getvalue()
@@ -93,11 +93,11 @@ def progress(steps: Sequence[Step], shown: Display, name: str, bound_s: float | 
         axes[0].plot(place, median, color=GREY, lw=1.0, ls="--", marker="o", ms=2.5,
                      mfc="white", label="median of the generation")  # fmt: skip
         axes[0].plot(place, best, color=BLUE, marker="o", ms=3.5, label="best of the generation")
-        _scale(axes[0], np.concatenate((best, median)))
+        scale(axes[0], np.concatenate((best, median)))
         axes[0].set_ylabel(f"{name} {shown.bracket}")
         if two:
             axes[1].plot(place, filling, color=BLUE, marker="o", ms=3.0)
-            _scale(axes[1], filling)
+            scale(axes[1], filling)
             axes[1].set_ylabel("filling time\nof the best [ms]")
             if bound_s is not None:
                 axes[1].axhline(bound_s * 1e3, color=GREEN, ls=":", label="physical lower bound")
@@ -108,12 +108,13 @@ def progress(steps: Sequence[Step], shown: Display, name: str, bound_s: float | 
         axes[-1].set_xlabel("generation")
         axes[-1].xaxis.set_major_locator(MaxNLocator(integer=True))
         axes[-1].set_xlim(place[0] - 0.7, place[-1] + 0.7)
-        _bands(axes, steps)
-        _restarts(axes, steps)
-        return _svg(figure)
+        stretches = [(name, first - 0.5, last + 0.5) for name, first, last in bands(steps)]
+        draw_bands(axes, stretches)
+        draw_restarts(axes, [number - 0.5 for number, _ in restarts(steps)])
+        return as_svg(figure)
 
 
-def _scale(axis: "Axes", values: Array) -> None:
+def scale(axis: "Axes", values: Array) -> None:
     """A logarithmic axis where a linear one would hide detail."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
@@ -153,17 +154,21 @@ def bands(steps: Sequence[Step]) -> list[tuple[str, int, int]]:
     return made
 
 
-def _bands(axes: "Sequence[Axes]", steps: Sequence[Step]) -> None:
-    low, high = axes[0].get_xlim()
-    stretches = bands(steps)
+def _share(axis: "Axes", x: float) -> float:
+    """Where `x` lies on an axis, as a share of its width."""
+    return float(axis.transAxes.inverted().transform(axis.transData.transform((x, 1.0)))[0])
+
+
+def draw_bands(axes: "Sequence[Axes]", stretches: Sequence[tuple[str, float, float]]) -> None:
+    """Shade stretches of the horizontal axis, and name them above the first of the panels."""
     names = [name for name, _, _ in stretches]
     ends = [1.0 - LETTER * (len(name) + 1) for name in names]  # or the label is cut off
-    shares = [(first - 0.5 - low) / (high - low) for _, first, _ in stretches]
+    shares = [_share(axes[0], left) for _, left, _ in stretches]
     lefts = [min(share, end) for share, end in zip(shares, ends, strict=True)]
     rows = label_rows(lefts, names)
-    for i, (name, first, last) in enumerate(stretches):
+    for i, (name, left, right) in enumerate(stretches):
         for axis in axes:
-            axis.axvspan(first - 0.5, last + 0.5, color="#eef3f7" if i % 2 else "#f8f8f5", zorder=0)
+            axis.axvspan(left, right, color="#eef3f7" if i % 2 else "#f8f8f5", zorder=0)
         axes[0].annotate(
             name, (lefts[i], 1.0 + LABEL_ROW * rows[i]), xycoords="axes fraction",
             xytext=(2, 3), textcoords="offset points", fontsize=8, color="#333333",
@@ -181,16 +186,16 @@ def restarts(steps: Sequence[Step]) -> list[tuple[int, str]]:
     ]
 
 
-def _restarts(axes: "Sequence[Axes]", steps: Sequence[Step]) -> None:
-    low, high = axes[0].get_xlim()
-    made = restarts(steps)
-    names = [f"R{i}" for i in range(1, len(made) + 1)]
-    rows = label_rows([(n - 0.5 - low) / (high - low) for n, _ in made], names)
-    for (place, _), name, row in zip(made, names, rows, strict=True):
+def draw_restarts(axes: "Sequence[Axes]", places: Sequence[float]) -> None:
+    """Mark places on the horizontal axis by R1, R2, ..."""
+    names = [f"R{i}" for i in range(1, len(places) + 1)]
+    rows = label_rows([_share(axes[0], place) for place in places], names)
+    for place, name, row in zip(places, names, rows, strict=True):
         for axis in axes:
-            axis.axvline(place - 0.5, color=PURPLE, lw=1.0, ls=(0, (4, 2)))
-        axes[0].text(place - 0.45, 0.99 - LABEL_ROW * row, name, color=PURPLE, fontsize=8,
-                     va="top", weight="bold", transform=axes[0].get_xaxis_transform())  # fmt: skip
+            axis.axvline(place, color=PURPLE, lw=1.0, ls=(0, (4, 2)))
+        axes[0].annotate(name, (place, 0.99 - LABEL_ROW * row), xytext=(2, 0),
+                         xycoords=axes[0].get_xaxis_transform(), textcoords="offset points",
+                         color=PURPLE, fontsize=8, va="top", weight="bold")  # fmt: skip
 
 
 def label_rows(lefts: Sequence[float], labels: Sequence[str]) -> list[int]:
@@ -227,7 +232,7 @@ def motion(best: DesignView, baseline: DesignView | None) -> str:
         axes[1].set_xlabel("time since the start of the cycle [ms]")
         axes[0].legend(loc="upper left")
         axes[1].margins(x=0.01)
-        return _svg(figure)
+        return as_svg(figure)
 
 
 def passages(best: Sequence[Array], baseline: Sequence[Array]) -> str:
@@ -255,7 +260,7 @@ def passages(best: Sequence[Array], baseline: Sequence[Array]) -> str:
         axes[1].set_xlabel("time since the start of the cycle [ms]")
         axes[0].legend(loc="lower right")
         axes[1].set_ylim(bottom=0.0)
-        return _svg(figure)
+        return as_svg(figure)
 
 
 def snapshots(
@@ -286,7 +291,7 @@ def snapshots(
                 axis.set_ylabel("z [mm]")
         scale = ScalarMappable(Normalize(0.0, top_speed), "viridis")
         figure.colorbar(scale, cax=bar, label="speed of the grain [m/s]", extend="max")
-        return _svg(figure)
+        return as_svg(figure)
 
 
 def _panels(count: int, aspect: float) -> "tuple[Figure, list[Axes], Axes]":

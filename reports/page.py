@@ -8,11 +8,12 @@ import numpy as np
 
 from mfopt.arrays import AnyArray, Array
 from mfopt.store import RunDirectory
-from reports import campaign, charts, pictures, reference, tables, viewer
+from reports import campaign, charts, course_chart, pictures, reference, tables, viewer
+from reports.course import Course, changes, course
 from reports.design import Describe, DesignView
 from reports.result import Result, best_at, result, solutions, typical_first
 from reports.rows import Row, read_rows
-from reports.sentence import objective_name, sentence, state
+from reports.sentence import chosen, objective_name, sentence, state
 from reports.units import Display, display, number
 
 ORIGIN = ("study", "mfopt_version", "platform", "created", "workers", "seed")  # of the header
@@ -27,6 +28,7 @@ class Facts:
     rows: tuple[Row, ...]
     result: Result | None
     steps: list[campaign.Step]
+    course: Course | None  # of a search that says what its generations taught
     stages: list[campaign.Stage]
     name: str  # of the objective, in words
     shown: Display  # how its values are shown
@@ -44,8 +46,9 @@ def gather(run: RunDirectory) -> Facts:
     top_work = levels[-1]["work"] if levels else None
     return Facts(
         run, rows,
-        result(rows, [level["name"] for level in levels]),
+        result(rows, [level["name"] for level in levels], run.insights),
         campaign.steps(run.generations, rows),
+        course(run, rows),
         campaign.stages(run.generations, rows, top_work),
         objective_name(run.header),
         display(unit, [r.value for r in rows]),
@@ -70,6 +73,8 @@ def context(run: RunDirectory, describe: Describe) -> dict[str, Any]:
         "name": facts.name,
         "unit": facts.shown.unit,
         "result": its and {"confirmed": bool(its.confirmations)},
+        "assisted": facts.course is not None,
+        "chosen": its and chosen(its, assisted=bool(run.insights)),
         "best": best and _shown(best),
         "cards": cards(facts, best),
         "designs": [(v.label, picture) for v, picture in zip(views, shapes, strict=True)],
@@ -102,7 +107,7 @@ def _study(run: RunDirectory) -> str:
 def _tables(facts: Facts) -> dict[str, Any]:
     its, header = facts.result, facts.header
     levels = [level["name"] for level in header["levels"]]
-    best = solutions(facts.rows, levels)
+    best = solutions(facts.rows, levels, insights=facts.run.insights)
     dosing = any(np.isfinite(r.filling_time) for r in facts.rows)
     coverage = None
     if its is not None and its.objective is not None:
@@ -118,7 +123,9 @@ def _tables(facts: Facts) -> dict[str, Any]:
         "solutions": tables.best_solutions(header, best, facts.shown) if best else [],
         "work": tables.work(facts.stages),
         "failures": campaign.failures(facts.rows),
-        "restarts": charts.restarts(facts.steps),
+        "belief": tables.belief_lines(its, facts.shown) if its else [],
+        "changes": (its_changes := changes(facts.run.generations)),
+        "has_restarts": any(mark not in levels for mark, _, _ in its_changes),
         "seeds": sorted({r.seed for r in facts.rows if r.purpose == "search"}),
         "dosing": dosing,
         "fresh_seeds": sorted({r.seed for r in facts.rows if r.purpose != "search"}),
@@ -142,7 +149,10 @@ def _figures(
     facts: Facts, best: DesignView | None, baseline: DesignView | None
 ) -> dict[str, str | None]:
     made: dict[str, str | None] = dict.fromkeys(("progress", "motion", "passages", "snapshots"))
-    if any(np.isfinite(s.best) for s in facts.steps):
+    if facts.course is not None:
+        confirmed = None if facts.result is None else facts.result.objective
+        made["progress"] = course_chart.course(facts.course, facts.shown, facts.name, confirmed)
+    elif any(np.isfinite(s.best) for s in facts.steps):
         bound = best.bound_any_s if best else None  # it holds for every design
         made["progress"] = charts.progress(facts.steps, facts.shown, facts.name, bound)
     if best is not None and len(best.motion_times):
@@ -174,9 +184,9 @@ def designs(facts: Facts, describe: Describe) -> list[DesignView]:
         wanted.append(("best", facts.result.x))
     wanted.append(("baseline", np.asarray(facts.header["baseline"], dtype=float)))
     for level in reversed(levels):
-        row = best_at(facts.rows, level)
-        if row is not None:
-            wanted.append((f"best of the search at {level}", row.x))
+        x = best_at(facts.rows, level, facts.run.insights)
+        if x is not None:
+            wanted.append((f"best of the search at {level}", x))
     if (row := typical_first(facts.rows)) is not None:
         wanted.append((f"typical of generation {row.generation}", row.x))
     views: dict[bytes, DesignView] = {}
@@ -194,6 +204,9 @@ def cards(facts: Facts, best: DesignView | None) -> list[tuple[str, str, str]]:
         c = its.objective
         remark = f"baseline {facts.shown.full(c.median_baseline)}"
         made.append((facts.name, facts.shown.full(c.median_best), remark))
+    elif its is not None and its.belief is not None:
+        remark = f"predicted for level {its.belief.level}"
+        made.append((facts.name, facts.shown.full(its.belief.mean), remark))
     elif its is not None:
         made.append((facts.name, facts.shown.full(its.found.value), f"one run, {its.found.level}"))
     if its is not None and its.filling_time is not None:

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mfopt.arrays import Array
+from mfopt.arrays import Array, frozen
+from mfopt.evaluation import Insight
 from reports.rows import Row
 from reports.statistics import Comparison
 
@@ -22,6 +23,7 @@ class Result:
     baseline: tuple[Row, ...]  # runs of the baseline with fresh seeds
     objective: Comparison | None  # over the seeds that both were run with
     filling_time: Comparison | None  # [s]
+    belief: Insight | None = None  # what the search last knew of this design, if it says so
 
     @property
     def x(self) -> Array:
@@ -35,18 +37,26 @@ class Result:
         return ranked[(len(ranked) - 1) // 2] if ranked else self.found
 
 
-def result(rows: Sequence[Row], levels: Sequence[str]) -> Result | None:
-    """The confirmed best design, else the best of the finest level reached; None without one.
+def result(
+    rows: Sequence[Row], levels: Sequence[str], insights: Sequence[Insight] = ()
+) -> Result | None:
+    """The confirmed best design, else the one that the search recommends; None without one.
+
+    A search that gives no insights recommends the design of the lowest value of one run at the
+    finest level reached.
 
     Args:
         rows: the evaluations of a run.
         levels: names of its levels, coarse to fine.
+        insights: what the generations taught, in order.
     """
     confirmed = [r for r in rows if r.purpose == "confirm best"]
     baseline = tuple(r for r in rows if r.purpose == "confirm baseline")
     if not confirmed:
-        found = solutions(rows, levels, 1)
-        return Result(found[0], (), baseline, None, None) if found else None
+        found = solutions(rows, levels, 1, insights)
+        if not found:
+            return None
+        return Result(found[0], (), baseline, None, None, _belief(found[0].x, insights))
     its = tuple(r for r in confirmed if np.array_equal(r.x, confirmed[-1].x))
     search = (
         r
@@ -59,7 +69,13 @@ def result(rows: Sequence[Row], levels: Sequence[str]) -> Result | None:
         baseline,
         compare(its, baseline, lambda r: r.value),
         compare(its, baseline, _filling_time),
+        _belief(its[0].x, insights),
     )
+
+
+def _belief(x: Array, insights: Sequence[Insight]) -> Insight | None:
+    """The latest insight that recommends the design `x` (d,)."""
+    return next((i for i in reversed(insights) if np.array_equal(i.best, x)), None)
 
 
 def _filling_time(row: Row) -> float:
@@ -79,26 +95,37 @@ def compare(
     return Comparison(seeds, pairs[:, 0], pairs[:, 1])
 
 
-def solutions(rows: Sequence[Row], levels: Sequence[str], count: int = SOLUTIONS) -> list[Row]:
-    """The best different designs of the search: finest level first, then by objective.
+def solutions(
+    rows: Sequence[Row],
+    levels: Sequence[str],
+    count: int = SOLUTIONS,
+    insights: Sequence[Insight] = (),
+) -> list[Row]:
+    """The best different designs of the search: the recommended one, then the finest level first.
 
     Values of different levels do not compare, so a coarser level only fills up what the
-    finer ones leave free.
+    finer ones leave free. Within a level, the lowest objective comes first.
     """
     fineness = {name: i for i, name in enumerate(levels)}
     finished = [r for r in rows if r.purpose == "search" and r.finished]
+    ranked = sorted(finished, key=lambda r: (-fineness.get(r.level, -1), r.value))
+    if insights:
+        ranked.sort(key=lambda r: not np.array_equal(r.x, insights[-1].best))
     chosen: dict[bytes, Row] = {}
-    for row in sorted(finished, key=lambda r: (-fineness.get(r.level, -1), r.value)):
+    for row in ranked:
         chosen.setdefault(row.x.tobytes(), row)
         if len(chosen) == count:
             break
     return list(chosen.values())
 
 
-def best_at(rows: Sequence[Row], level: str) -> Row | None:
-    """The best finished run of the search at one level."""
-    its = [r for r in rows if r.purpose == "search" and r.level == level and r.finished]
-    return min(its, key=lambda r: r.value, default=None)
+def best_at(rows: Sequence[Row], level: str, insights: Sequence[Insight] = ()) -> Array | None:
+    """The best design (d,) at one level: last recommended there, else of the lowest value."""
+    its = [i for i in insights if i.level == level]
+    if insights:
+        return frozen(its[-1].best) if its else None
+    runs = [r for r in rows if r.purpose == "search" and r.level == level and r.finished]
+    return min(runs, key=lambda r: r.value).x if runs else None
 
 
 def typical_first(rows: Sequence[Row]) -> Row | None:

@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from mfopt.evaluation import Insight
 from reports.result import Result
 from reports.rows import Row
-from reports.statistics import Comparison, Interval
+from reports.statistics import Comparison, Interval, believed_interval
 from reports.units import Display, display, number
 
 
@@ -45,7 +46,7 @@ def sentence(
     its = result.objective
     text = (
         f"The best design has a median {name} of {shown.full(its.median_best)} over "
-        f"{len(its.seeds)} fresh seeds, {against(its, shown)}"
+        f"{len(its.seeds)} fresh seed{'s' * (len(its.seeds) != 1)}, {against(its, shown)}"
     )
     filling = result.filling_time
     if filling is not None and math.isfinite(filling.median_best):
@@ -69,12 +70,51 @@ def _grains_left(result: Result) -> str:
 
 def _unconfirmed(result: Result, name: str, shown: Display, *, so_far: str) -> str:
     row = result.found
+    if result.belief is not None:
+        return (
+            f"The best design{so_far} has {_article(name)} {name} that the search predicts to be "
+            f"{believed(result.belief, shown)} at level {result.belief.level}; fresh seeds have "
+            "not confirmed it."
+        )
     text = (
         f"The best design{so_far} has {_article(name)} {name} of {shown.full(row.value)} in one run"
     )
     if math.isfinite(row.filling_time):
         text += f" and a filling time of {display('s', row.filling_time).full(row.filling_time, 3)}"
     return text + f" at level {row.level}; fresh seeds have not confirmed it."
+
+
+def believed(belief: Insight, shown: Display) -> str:
+    """What a search believes of a design, with its interval in words."""
+    low, high = believed_interval(belief)
+    return f"{shown.full(belief.mean)} ({shown.text(low)} to {shown.full(high)})"
+
+
+def chosen(result: Result, *, assisted: bool) -> str:
+    """How the best design was chosen.
+
+    Args:
+        result: the best design.
+        assisted: whether a surrogate chose it.
+    """
+    if not assisted:
+        return (
+            "The search proposed the design with the lowest value of one run at the finest level "
+            "that it reached. Such a value is on the optimistic side, since the lowest of many "
+            "noisy values was picked; fresh seeds tell what the design is worth."
+        )
+    text = (
+        "A surrogate, a model of the objective that learns from the runs at all levels, predicts "
+        "what every design that was run is worth apart from noise. The design with the lowest "
+        "prediction was chosen, one standard deviation of doubt added, and not the one with the "
+        "lowest value of a single run."
+    )
+    if result.belief is None:
+        return text
+    return (
+        f"{text} The prediction is that of generation {result.belief.generation}, for level "
+        f"{result.belief.level}; the truth lies within its interval with 95\u202f% probability."
+    )
 
 
 def _article(word: str) -> str:

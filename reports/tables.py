@@ -11,7 +11,7 @@ from reports.campaign import Stage
 from reports.result import Result
 from reports.rows import Row
 from reports.sentence import at_bounds, interval_text, objective_name
-from reports.statistics import Comparison, median_interval
+from reports.statistics import Comparison, believed_interval, median_interval
 from reports.units import MISSING, Display, design_display, display, number
 
 PERCENT = Display(1.0, "%")
@@ -94,6 +94,21 @@ def _comparison(label: str, its: Comparison, shown: Display) -> list[str]:
         MISSING if its.reduction_interval is None
         else interval_text(its.reduction_interval, PERCENT, 3),
     ]  # fmt: skip
+
+
+def belief_lines(result: Result, shown: Display) -> list[list[str]]:
+    """What the search believed of the best design, and what fresh seeds say: level, interval."""
+    lines = []
+    if (its := result.belief) is not None:
+        low, high = believed_interval(its)
+        interval = f"{shown.text(low)} to {shown.text(high)}"
+        lines.append(["predicted by the search", its.level, shown.text(its.mean), interval])
+    if lines and (seen := result.objective) is not None:
+        plain = Display(shown.factor, MISSING)
+        interval = interval_text(median_interval(seen.best), plain)
+        level = result.confirmations[0].level
+        lines.append(["median over fresh seeds", level, shown.text(seen.median_best), interval])
+    return lines
 
 
 def confirmations(result: Result, shown: Display, *, dosing: bool) -> list[list[str]]:

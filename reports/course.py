@@ -1,0 +1,107 @@
+"""The course of a search that says what its generations taught, over the work it spent."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mfopt.arrays import Array, BoolArray, IntArray
+from mfopt.evaluation import Generation, Insight
+from mfopt.store import RunDirectory
+from reports.rows import Row
+
+LEVEL_CHANGE = "level change to "
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """One generation, the work when it began and ended, and what it taught."""
+
+    generation: Generation
+    began: float  # [full runs]
+    ended: float
+    insight: Insight | None  # None if it has not ended
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Course:
+    """The runs of a search and its generations, over the work spent."""
+
+    levels: tuple[str, ...]  # coarse to fine
+    spent: Array  # (n,) work up to and with each run [full runs]
+    level: IntArray  # (n,) of each run
+    failed: BoolArray  # (n,)
+    looks: tuple[Look, ...]
+
+    def bands(self) -> list[tuple[str, float, float]]:
+        """Stretches at one level: its name, and the work at its begin and end [full runs]."""
+        made: list[tuple[str, float, float]] = []
+        for look in self.looks:
+            level = look.generation.level
+            if made and made[-1][0] == level:
+                made[-1] = (level, made[-1][1], look.ended)
+            else:
+                made.append((level, look.began, look.ended))
+        return made
+
+
+def course(run: RunDirectory, rows: Sequence[Row]) -> Course | None:
+    """The course of a search; None where it gives no insights, or knows no work."""
+    levels = run.header["levels"]
+    search = [r for r in rows if r.purpose == "search"]
+    if not (run.insights and search and levels[-1]["work"] > 0.0):
+        return None
+    names = tuple(level["name"] for level in levels)
+    spent = np.cumsum([r.work for r in search]) / levels[-1]["work"]
+    return Course(
+        names,
+        spent,
+        np.array([names.index(r.level) for r in search]),
+        np.array([not r.finished for r in search]),
+        tuple(_looks(run, [r.generation for r in search], spent)),
+    )
+
+
+def _looks(run: RunDirectory, generation_of: Sequence[int], spent: Array) -> list[Look]:
+    taught = {i.generation: i for i in run.insights}
+    last = {number: float(work) for number, work in zip(generation_of, spent, strict=True)}
+    made, began = [], 0.0
+    for g in run.generations:
+        if g.number in last:
+            made.append(Look(g, began, last[g.number], taught.get(g.number)))
+            began = last[g.number]
+    return made
+
+
+def changes(generations: Sequence[Generation]) -> list[tuple[str, int, str]]:
+    """Each change of level and restart with a reason: its mark, generation and the reason."""
+    made: list[tuple[str, int, str]] = []
+    restarts = 0
+    for before, g in zip((None, *generations), generations, strict=False):
+        if before is not None and g.level != before.level:
+            reason = g.why.removeprefix(f"{LEVEL_CHANGE}{g.level}").lstrip(":, ")
+            if reason:
+                made.append((g.level, g.number, reason))
+        elif before is not None and g.why:
+            restarts += 1
+            made.append((f"R{restarts}", g.number, g.why))
+    return made
+
+
+def restart_places(its: Course) -> list[float]:
+    """Work at each restart that is no change of level [full runs]."""
+    numbers = {
+        number for mark, number, _ in changes([look.generation for look in its.looks])
+        if mark not in its.levels
+    }  # fmt: skip
+    return [look.began for look in its.looks if look.generation.number in numbers]
+
+
+def ranking(its: Course) -> Mapping[str, Array]:
+    """Of each finished generation: work at its end, certainty of its ranking, candidates run."""
+    known = [(look.ended, look.insight) for look in its.looks if look.insight is not None]
+    return {
+        "ended": np.array([ended for ended, _ in known]),
+        "certainty": np.array([i.certainty for _, i in known]),
+        "runs": np.array([i.runs for _, i in known]),
+    }

@@ -1,0 +1,135 @@
+"""The figure of an assisted search: what it believed, where it ran, how sure its rankings were."""
+
+from itertools import groupby
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from reports.charts import (
+    BLUE,
+    GREEN,
+    GREY,
+    LETTER,
+    ORANGE,
+    WIDTH,
+    as_svg,
+    draw_bands,
+    draw_restarts,
+    scale,
+    styled,
+)  # fmt: skip
+from reports.course import Course, ranking, restart_places
+from reports.statistics import Comparison, believed_interval, median_interval
+from reports.units import Display, number
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+HEIGHT = 5.6  # [inch]
+RATIOS = (2.1, 1.0, 0.75, 0.75)
+LOG_BELOW = 0.05  # share of the work at the first change of level, below which x is logarithmic
+
+
+def course(its: Course, shown: Display, name: str, confirmed: Comparison | None) -> str:
+    """Belief with its band, level of each run, certainty and candidates run, over the work."""
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
+
+    with styled():
+        longest = max(map(len, its.levels))
+        left = max(0.13, LETTER * longest + 0.055)
+        figure = Figure(figsize=(WIDTH, HEIGHT))
+        grid = {
+            "height_ratios": RATIOS, "hspace": 0.12, "left": left, "right": 0.985,
+            "bottom": 0.5 / HEIGHT, "top": 1.0 - 0.45 / HEIGHT,
+        }  # fmt: skip
+        axes = list(figure.subplots(4, 1, sharex=True, gridspec_kw=grid))
+        if logarithmic(its):
+            axes[0].set_xscale("log")
+            axes[-1].xaxis.set_major_formatter(FuncFormatter(lambda value, _: number(value, 1)))
+            axes[-1].xaxis.set_minor_formatter(NullFormatter())
+        axes[0].set_xlim(*_ends(its))
+        _belief(axes[0], its, shown, confirmed)
+        axes[0].set_ylabel(f"{name}\n{shown.bracket}")
+        _runs(axes[1], its)
+        of = ranking(its)
+        axes[2].plot(of["ended"], 100.0 * of["certainty"], color=BLUE, lw=1.2, marker="o", ms=2.5)
+        axes[2].set_ylim(-4.0, 104.0)
+        axes[2].set_ylabel("certainty of\nranking [%]")
+        axes[3].plot(of["ended"], of["runs"], color=BLUE, ls="", marker="o", ms=2.5)
+        size = max(look.generation.population_size for look in its.looks)
+        axes[3].set_ylim(0.0, 1.15 * size)
+        axes[3].yaxis.set_major_locator(MaxNLocator(integer=True, nbins=4))
+        axes[3].set_ylabel(f"run, of\n{size} drawn")
+        axes[3].set_xlabel("work spent by the search [full runs]")
+        figure.align_ylabels(axes)
+        draw_bands(axes, its.bands())
+        draw_restarts(axes, restart_places(its))
+        return as_svg(figure)
+
+
+def logarithmic(its: Course) -> bool:
+    """Whether the first level would be too narrow to see on a linear axis."""
+    _, began, ended = its.bands()[0]
+    return ended - began < LOG_BELOW * float(its.spent[-1])
+
+
+def _ends(its: Course) -> tuple[float, float]:
+    """Where the horizontal axis begins and ends [full runs]."""
+    last = float(its.spent[-1])
+    if not logarithmic(its):
+        return -0.01 * last, 1.03 * last
+    first = min(float(its.spent[0]), *(look.ended for look in its.looks[:1]))
+    return 0.7 * max(first, 1e-9 * last), 1.2 * last
+
+
+def _belief(axis: "Axes", its: Course, shown: Display, confirmed: Comparison | None) -> None:
+    known = [look for look in its.looks if look.insight is not None]
+    label: str | None = "predicted for the recommended design, with 95\u202f% interval"
+    values = []
+    for _, group in groupby(known, key=lambda look: look.generation.level):
+        own = [(look.ended, look.insight) for look in group if look.insight is not None]
+        ended = np.array([e for e, _ in own])
+        mean = np.array([i.mean for _, i in own]) * shown.factor
+        low, high = np.array([believed_interval(i) for _, i in own]).T * shown.factor
+        if len(own) == 1:
+            axis.errorbar(ended, mean, [mean - low, high - mean], color=BLUE, lw=1.2, capsize=2)
+        axis.fill_between(ended, low, high, color=BLUE, alpha=0.18, lw=0)
+        axis.plot(ended, mean, color=BLUE, lw=1.4, marker="o", ms=3.0, label=label)
+        values.append(mean)
+        label = None
+    if confirmed is not None and np.isfinite(confirmed.median_best):
+        values.append(np.array([confirmed.median_best * shown.factor]))
+        _confirmed(axis, confirmed, shown)
+    every = np.concatenate(values)
+    scale(axis, every)
+    room = 0.25 * (float(every.max() - every.min()) or abs(float(every.max())) or 1.0)
+    if axis.get_yscale() == "log":
+        axis.set_ylim(0.6 * every.min(), 1.6 * every.max())
+    else:
+        axis.set_ylim(every.min() - room, every.max() + room)
+    axis.legend(loc="best", fontsize=8, frameon=True, framealpha=0.85, edgecolor="none")
+
+
+def _confirmed(axis: "Axes", confirmed: Comparison, shown: Display) -> None:
+    """Median over the fresh seeds, with its interval, where the search has ended."""
+    place, across = 0.99, axis.get_yaxis_transform()
+    middle, within = confirmed.median_best * shown.factor, median_interval(confirmed.best)
+    if within is not None and np.isfinite(within.high):
+        low, high = within.low * shown.factor, within.high * shown.factor
+        axis.plot([place] * 2, [low, high], color=GREEN, lw=1.6, zorder=4, transform=across)
+    axis.plot([place], [middle], "D", color=GREEN, ms=5.0, zorder=5, transform=across,
+              label="median over fresh seeds, with interval")  # fmt: skip
+
+
+def _runs(axis: "Axes", its: Course) -> None:
+    """A tick for each run, at its level; a cross for those that failed."""
+    fine = ~its.failed
+    axis.plot(its.spent[fine], its.level[fine], "|", color=GREY, ms=7, mew=1.0)
+    if its.failed.any():
+        axis.plot(its.spent[its.failed], its.level[its.failed], "x", color=ORANGE, ms=5, mew=1.4,
+                  label="failed run")  # fmt: skip
+        axis.legend(loc="best", fontsize=8, frameon=True, framealpha=0.85, edgecolor="none")
+    axis.set_yticks(range(len(its.levels)), its.levels, fontsize=8)
+    axis.set_ylim(-0.5, len(its.levels) - 0.5)
+    axis.set_ylabel("level of\neach run")
