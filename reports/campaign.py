@@ -10,7 +10,7 @@ import numpy as np
 from mfopt.evaluation import Generation
 from reports.rows import Row
 
-LOOK_AHEAD = "look at the next level"  # runs of a generation that are not at its own level
+VALIDATION = "validation"  # runs of a generation that are not at its own level
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +96,7 @@ def stages(
         made.append(_stage(first.level, purpose, span, first.population_size, own, unit))
         for level in dict.fromkeys(r.level for r in its if r.level != first.level):
             looks = [r for r in its if r.level == level]
-            made.append(_stage(level, LOOK_AHEAD, span, None, looks, unit))
+            made.append(_stage(level, VALIDATION, span, None, looks, unit))
     known = {g.number for g in generations}
     others: dict[tuple[str, str], list[Row]] = {}
     for row in rows:

@@ -6,6 +6,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+from mfopt.evaluation import Insight
 from mfopt.store import open_run
 
 STUDY = """
@@ -24,6 +25,7 @@ engine = {engine}
 grains = 40
 spheres_per_grain = 1
 [search]
+method = "cma-es"
 population_size = 4
 seeds = 2
 [[search.stage]]
@@ -35,6 +37,11 @@ generations = 2
 [confirm]
 seeds = 1
 """
+
+PLAN = STUDY[STUDY.index("[search]") : STUDY.index("[confirm]")]
+ASSISTED = STUDY.replace(PLAN, "[search]\nbudget = 6\npopulation_size = 6\nseeds = 2\n").replace(
+    "seeds = 1\n", "seeds = 1\n[run]\nworkers = 2\n"
+)
 
 
 def new_cache(path: Path) -> Path:
@@ -78,6 +85,10 @@ class Campaign:
             )
             for e in open_run(self.directory).evaluations()
         ]  # fmt: skip
+
+    def insights(self) -> list[Insight]:
+        """What the generations of the search taught."""
+        return open_run(self.directory).insights
 
     def processes(self) -> list[int]:
         """Living processes that were started for this campaign, however indirectly."""

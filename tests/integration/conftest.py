@@ -17,13 +17,13 @@ def packings(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def new_campaign(tmp_path: Path, packings: Path) -> Iterator[object]:
     made: list[Campaign] = []
 
-    def make(engine: str = "yade", *, cache: Path = packings) -> Campaign:
-        study = tmp_path / f"study-{engine}.toml"
-        study.write_text(STUDY.format(engine=f'"{engine}"'))
+    def make(engine: str = "yade", *, cache: Path = packings, study: str = STUDY) -> Campaign:
+        file = tmp_path / f"study-{engine}.toml"
+        file.write_text(study.format(engine=f'"{engine}"'))
         environment = {
             **os.environ, "XDG_CACHE_HOME": str(cache), "MFOPT_TEST_MARK": uuid.uuid4().hex,
         }  # fmt: skip
-        made.append(Campaign(study, tmp_path / f"run-{len(made)}", environment))
+        made.append(Campaign(file, tmp_path / f"run-{len(made)}", environment))
         return made[-1]
 
     yield make

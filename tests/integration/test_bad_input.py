@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from campaigns import STUDY
+from campaigns import PLAN, STUDY
 from typer.testing import CliRunner, Result
 
 from mfopt.cli import app
@@ -47,6 +47,12 @@ def refused(done: Result) -> str:
         ('name = "dem-40"', 'name = "reduced"', r"'dem-40'|'reduced' occurs more than once"),
         ("population_size = 4", "population_size = 2", r"population_size = 2"),
         ("seed = 3", "seed = ", r"not valid TOML"),
+        ('"cma-es"', '"cma-es"\nbudget = 9', r"search: budget is of method = \"assisted\""),
+        ('"cma-es"', '"assisted"\nbudget = 9', r"stages are of method = \"cma-es\".*budget"),
+        ('"cma-es"', '"cmaes"', r"search\.method = 'cmaes': .*'assisted' or 'cma-es'"),
+        (PLAN, "[search]\n", r"search: budget is missing; give it in runs of the target level"),
+        (PLAN, "[search]\nbudget = 0.5\n", r"search\.budget = 0\.5: .*greater than or equal to 1"),
+        (PLAN, '[search]\nmethod = "cma-es"\n', r"no \[\[search\.stage\]\]; plan at least one"),
         (
             "[[level]]\nname = \"reduced\"",
             '[problem.dosing.free]\nl1 = [180, 80]\n[[level]]\nname = "reduced"',

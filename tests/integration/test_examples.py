@@ -28,12 +28,17 @@ def mfopt(*arguments: str | Path) -> str:
     return done.stdout
 
 
-@pytest.mark.parametrize("block", re.findall(r"```python\n(.*?)```", README, re.DOTALL))
-def test_python_of_the_readme(block: str, capsys: pytest.CaptureFixture[str]) -> None:
-    exec(compile(block, "README.md", "exec"), {})
-    if "print(" in block:
-        numbers = [float(n) for n in re.findall(r"-?\d+\.?\d*(?:e-?\d+)?", capsys.readouterr().out)]
-        assert numbers[:2] == pytest.approx([0.3, -1.0], abs=0.03)
+def test_python_of_the_readme(capsys: pytest.CaptureFixture[str]) -> None:
+    names: dict[str, object] = {}
+    printed = 0
+    for block in re.findall(r"```python\n(.*?)```", README, re.DOTALL):
+        exec(compile(block, "README.md", "exec"), names)
+        said = capsys.readouterr().out
+        if "print(" in block:
+            numbers = [float(n) for n in re.findall(r"-?\d+\.?\d*(?:e-?\d+)?", said)]
+            assert numbers[:2] == pytest.approx([0.3, -1.0], abs=0.03)
+            printed += 1
+    assert printed == 2
 
 
 def test_toml_of_the_readme_is_a_valid_level() -> None:
@@ -45,7 +50,7 @@ def test_toml_of_the_readme_is_a_valid_level() -> None:
             "study": {"name": "s"},
             "problem": {"scene": "dosing", "objective": "dispersion"},
             "level": [level],
-            "search": {"stage": [{"level": level["name"], "generations": 1}]},
+            "search": {"method": "cma-es", "stage": [{"level": level["name"], "generations": 1}]},
         }
         assert isinstance(checked(Study, study, where="README").search.stages("x")[0], Stage)
 
@@ -59,6 +64,14 @@ def test_own_simulator_from_the_command_line(tmp_path: Path) -> None:
     assert answer["confirmed_median"] < answer["baseline_median"]
     assert (run / "report.html").stat().st_size > 10_000
     assert (run / "report.pdf").read_bytes().startswith(b"%PDF")
+
+
+def test_the_planned_study_is_valid_and_spends_what_the_assisted_one_may() -> None:
+    budget = re.search(r"search may spend (\S+)", mfopt("ladder", "examples/rice-quick.toml"))
+    planned = re.search(r"search may spend (\S+)", mfopt("ladder", "examples/rice-planned.toml"))
+    assert budget
+    assert planned
+    assert float(budget.group(1)) <= float(planned.group(1)) < float(budget.group(1)) + 1.0
 
 
 def test_init_writes_a_study_that_is_valid(tmp_path: Path) -> None:

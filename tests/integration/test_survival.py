@@ -10,18 +10,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from campaigns import STUDY, Campaign
+from campaigns import ASSISTED, STUDY, Campaign
 
 NewCampaign = Callable[..., Campaign]
 MOMENTS = int(os.environ.get("MFOPT_KILLS", "2"))  # scripts/survive takes ten of each
 GRACE_S = 10.0  # for the kernel and the keepers to end what was left
 
-pytestmark = [
-    pytest.mark.yade,
-    pytest.mark.skipif(shutil.which("yade") is None, reason="YADE is not installed"),
-]
-
-
+NEEDS_YADE = pytest.mark.skipif(shutil.which("yade") is None, reason="YADE is not installed")
 Evaluations = list[tuple[object, ...]]
 
 
@@ -44,6 +39,8 @@ def ends_without_orphans(campaign: Campaign) -> bool:
     return True
 
 
+@pytest.mark.yade
+@NEEDS_YADE
 @pytest.mark.parametrize("moment", range(MOMENTS))
 def test_kill_of_mfopt(moment: int, new_campaign: NewCampaign, undisturbed: Evaluations) -> None:
     campaign, choose = new_campaign(), random.Random(moment)
@@ -59,6 +56,28 @@ def test_kill_of_mfopt(moment: int, new_campaign: NewCampaign, undisturbed: Eval
     assert campaign.evaluations() == undisturbed
 
 
+def test_kill_of_the_assisted_search(new_campaign: NewCampaign) -> None:
+    """Results are told in the order asked, so that two workers give what was found before."""
+    campaign, undisturbed = (new_campaign("numba", study=ASSISTED) for _ in range(2))
+    undisturbed.finish()
+    journal = campaign.directory / "journal.jsonl"
+    whole = journal_lines(undisturbed.directory / "journal.jsonl")
+    for share in (0.3, 0.7):
+        with campaign.start() as process:
+            while process.poll() is None and journal_lines(journal) < share * whole:
+                time.sleep(0.005)
+            assert process.poll() is None  # or there was nothing to kill
+            process.send_signal(signal.SIGKILL)
+        assert ends_without_orphans(campaign)
+    campaign.finish()
+    assert campaign.evaluations() == undisturbed.evaluations()
+    levels = {level for _, level, *_ in campaign.evaluations()}
+    assert levels == {"reduced", "dem-40"}
+    assert campaign.insights() == undisturbed.insights() != []
+
+
+@pytest.mark.yade
+@NEEDS_YADE
 @pytest.mark.parametrize("moment", range(MOMENTS))
 def test_kill_of_a_yade_child(
     moment: int, new_campaign: NewCampaign, undisturbed: Evaluations
