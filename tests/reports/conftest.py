@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mfopt.arrays import AnyArray, Array, frozen
-from mfopt.evaluation import Candidate, Evaluation, Generation, Purpose, Reference
+from mfopt.evaluation import Candidate, Evaluation, Generation, Insight, Purpose, Reference
 from mfopt.objective import dispersion, value
 from mfopt.outcome import Outcome
 from mfopt.store import RunDirectory, create, open_run
@@ -231,6 +231,53 @@ def user_run(path: Path) -> RunDirectory:
             run.add_evaluation(Evaluation(candidate, out, f))
     run.add_end("the planned generations on every level are done")
     return open_run(path)
+
+
+def assisted_run(path: Path, *, finished: bool = True) -> RunDirectory:
+    """Write an invented run of the assisted search over two of the levels.
+
+    Generation 1 and 2 are at the coarser level, 2 begins with a validation; 3 is at the finer one.
+    The third design of generation 3 is recommended, and has not its lowest value.
+    """
+    head = header(VARIABLES, BASELINE)
+    head["levels"] = head["levels"][1:]
+    run = create(path, "", head)
+    rng, coarse, fine = np.random.default_rng(8), "bullet-300", "yade-1000"
+    plan = [(1, coarse, [coarse] * 4), (2, coarse, [fine, coarse, coarse]), (3, fine, [fine] * 4)]
+    why = {1: "start", 3: f"level change to {fine}: converged"}
+    index = 0
+    for number, level, where in plan:
+        run.add_generation(
+            Generation(number, level, number // 3, 0.2, 11, "dispersion", why.get(number, ""))
+        )
+        for k, run_at in enumerate(where):
+            x = frozen(BASELINE + 0.01 * index * (OPTIMUM - BASELINE))
+            raw = dosing_raw(x, 300, rng)
+            raw["passage_times"] = raw["passage_times"] * (1.0 + 0.5 * (k == 2))
+            out = Outcome(x, run_at, 1, "finished", None, raw, dict(
+                (n, w) for n, _, w in LEVELS)[run_at], 1.0)  # fmt: skip
+            add(run, Candidate(index, x, run_at, 1, number), out)
+            index += 1
+            if k == 2:
+                recommended = tuple(map(float, x))
+        run.add_insight(Insight(number, 0.9 / number, len(where), level, recommended, 0.1, 0.01))
+    if finished:
+        for seed in (1001, 1002, 1003):
+            designs: list[tuple[Purpose, Array]] = [
+                ("confirm best", frozen(recommended)), ("confirm baseline", BASELINE),
+            ]  # fmt: skip
+            for purpose, x in designs:
+                out = Outcome(x, fine, seed, "finished", None, dosing_raw(x, 300, rng), 9e8, 1.0)
+                add(run, Candidate(index, x, fine, seed, 0, purpose), out)
+                index += 1
+        run.add_end("the budget is spent")
+    return open_run(path)
+
+
+@pytest.fixture
+def make_assisted(tmp_path: Path) -> Callable[..., RunDirectory]:
+    """Make a run of the assisted search, finished or broken off."""
+    return lambda **kw: assisted_run(tmp_path / "assisted", **kw)
 
 
 @pytest.fixture(scope="session")

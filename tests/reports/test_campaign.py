@@ -33,9 +33,19 @@ def test_steps_leave_failed_runs_out_of_best_and_median_but_count_them() -> None
 def test_a_stage_ends_where_level_population_or_objective_change() -> None:
     generations = [generation(1), generation(2), generation(3, size=4),
                    generation(4, size=4, objective="g"), generation(5, level="b")]  # fmt: skip
-    made = stages(generations, [row(n, 1.0) for n in range(1, 6)], 1.0)
+    rows = [*(row(n, 1.0) for n in range(1, 5)), row(5, 1.0, level="b")]
+    made = stages(generations, rows, 1.0)
     assert [s.generations for s in made] == ["1\u20132", "3", "4", "5", ""]
     assert made[-1].level == "all"
+
+
+def test_validations_have_a_line_of_their_own() -> None:
+    rows = [row(1, 1.0), row(1, 1.0), row(2, 1.0, level="b", work=4.0), row(3, 1.0, level="b")]
+    made = stages([generation(1), generation(2), generation(3, level="b")], rows, 4.0)
+    assert [(s.level, s.purpose, s.runs) for s in made] == [
+        ("a", "search by f", 2), ("b", "validation", 1), ("b", "search by f", 1), ("all", "", 4),
+    ]  # fmt: skip
+    assert made[1].work == 1.0
 
 
 def test_work_is_counted_in_full_runs_and_confirmation_belongs_to_the_total() -> None:

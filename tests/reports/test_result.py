@@ -41,6 +41,7 @@ def test_failed_runs_are_never_best() -> None:
     assert [r.index for r in solutions(rows, LEVELS)] == [1]
     assert result(rows[:1], LEVELS) is None
     assert best_at(rows[:1], "coarse") is None
+    np.testing.assert_array_equal(best_at(rows, "coarse"), rows[1].x)
 
 
 def test_confirmation_pairs_by_seed_and_leaves_unpaired_seeds_out() -> None:
