@@ -18,7 +18,7 @@ import numpy as np
 
 from mfopt.archive import Archive
 from mfopt.arrays import Array, frozen
-from mfopt.belief import Belief, learn
+from mfopt.belief import FEWEST, Belief, learn
 from mfopt.climbing import Standing, misled, validation_due, why_climb
 from mfopt.distribution import Distribution
 from mfopt.errors import ConfigError, SimulationError
@@ -139,7 +139,7 @@ class AssistedCmaEs:
         asked: list[Candidate] = []
         while self._stop is None and (n is None or len(asked) < n):
             if not self._planned and n is not None:
-                self._pick(awaited=False)  # rather than leave a worker idle
+                self._keep_busy()
             if not self._planned:
                 break
             asked.append(self._candidate(*self._planned.pop(0)))
@@ -179,6 +179,17 @@ class AssistedCmaEs:
             self._first_seed + self._number % self._seeds, self._number,
         )  # fmt: skip
 
+    def _keep_busy(self) -> None:
+        """Plan a run that the search does not wait for, rather than leave a worker idle."""
+        if self._budget - self._spent.sum() < self._rungs[self._level].cost:
+            return
+        if self._belief is not None and self._open:
+            self._pick(awaited=False)
+        elif self._belief is not None or self._archive.finished >= FEWEST:
+            self._go_on()  # the surrogate stands in for what is still out
+        else:
+            self._planned.append((self._samples(1)[0], self._level, False))
+
     def _open_generation(self) -> None:
         """Draw the candidates of a generation and plan the first runs."""
         if self._budget - self._spent.sum() < self._rungs[self._level].cost:
@@ -186,7 +197,6 @@ class AssistedCmaEs:
             return
         self._planned: list[tuple[Array, int, bool]] = []  # design, level, awaited
         self._awaited: set[int] = set()
-        self._values: dict[int, int] = {}  # candidate of the generation -> row of the archive
         if self._belief is None:
             self._pool = self._samples(self._size)
             if self._number == 1:
@@ -265,7 +275,7 @@ class AssistedCmaEs:
     def _pick(self, *, awaited: bool) -> None:
         """Plan one more run of this generation, if the budget allows."""
         affordable = self._budget - self._spent.sum() >= self._rungs[self._level].cost
-        if self._belief is None or not self._open or not affordable:
+        if not self._open or not affordable:
             return
         taken = [place for place in range(self._size) if place not in self._open]
         (place,) = thompson(self._draws(self._level, 1), taken, 1)
@@ -301,7 +311,8 @@ class AssistedCmaEs:
 
     def _close_untaught(self) -> None:
         """Too few runs have finished to learn from: rank what there is, failed runs last."""
-        values = self._archive.value[-self._size :]
+        told = [(self._archive.z == z).all(axis=1) for z in self._pool]
+        values = [self._archive.value[rows].min(initial=np.inf) for rows in told]
         order = np.argsort(np.argsort(values, kind="stable"))
         self._distribution.update(self._pool, -recombination_weights(self._size)[order])
         self._next_generation("")

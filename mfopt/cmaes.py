@@ -4,13 +4,14 @@ The search works in the unit cube. It starts anew from the best design so far wh
 changes and where CMA-ES has converged, and once a stage with two variables exchanged where it
 sits in a minimum that the exchange leads out of (the cup that moves back: y1 > y2).
 Impossible designs are drawn again and never simulated; requirements on the result are terms
-of the objective.
+of the objective. A stage may run candidates again whose ranking is in doubt.
 
 Source: Hansen, arXiv:1604.00772; the paper's section 3.5 for the procedure.
 """
 
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import cma
@@ -18,8 +19,10 @@ import numpy as np
 
 from mfopt.arrays import Array, frozen
 from mfopt.errors import ConfigError, SimulationError
-from mfopt.evaluation import Candidate, Generation
+from mfopt.evaluation import Candidate, Generation, Insight
+from mfopt.noise_share import NoiseShare, belief, believed_values
 from mfopt.problem import Problem
+from mfopt.reevaluation import EliteDoubt, NoReplicates, Reevaluation, UncertaintyHandling
 from mfopt.search import Stage
 from mfopt.swap import Pair, check_pair, swapped, wrong_way
 
@@ -38,14 +41,19 @@ class CmaEs:
         stages: the planned levels, coarse to fine.
         seed: seed of all random draws.
         exchange: two variables to exchange where the first stays above the second.
-        first_seed: seed of the first simulation; a stage uses `first_seed + 0 .. seeds - 1`.
+        first_seed: seed of the first simulation; a stage uses `first_seed + 0 .. seeds - 1`, and
+            for the k-th replicates of a generation as many, k x `seeds` further on.
     """
 
     _es: Any  # cma.CMAEvolutionStrategy, which carries no types
-    _best_f: float
+    _best_f: float  # as believed
+    _best_deviation: float
     _exchanged: bool
     _backward_generations: int
     _generations_in_stage: int
+    _runs_in_stage: int  # of finished generations
+    _rule: Reevaluation
+    _noise: NoiseShare
 
     def __init__(
         self,
@@ -67,9 +75,11 @@ class CmaEs:
         self._asked = 0
         self._asked_z: dict[int, Array] = {}  # cma must be told the very arrays it drew
         self._drawn: list[Candidate] = []  # of the open generation
-        self._to_ask: list[Candidate] = []  # of them, those not asked yet
+        self._again: list[tuple[int, Candidate]] = []  # replicates, and whose by position
+        self._to_ask: list[Candidate] = []  # of both, those not asked yet
         self._told: dict[int, float] = {}  # and those that have a value
         self._best_x: Array | None = None
+        self._insight: Insight | None = None
         self._restarts = 0
         self._number = 1
         self._stage_number = 0
@@ -87,20 +97,19 @@ class CmaEs:
     @property
     def work_left(self) -> list[tuple[str, int]]:
         """Runs that the plan still holds, by level."""
-        left = [(s.level, s.generations * s.population_size) for s in self._later_stages]
+        left = [(s.level, s.runs) for s in self._later_stages]
         if self.should_stop() is None:
-            done = self._generations_in_stage
-            runs = (self._stage.generations - done) * self._stage.population_size - len(self._told)
-            left.insert(0, (self._stage.level, runs))
+            left.insert(0, (self._stage.level, self._runs_left - len(self._told)))
         return left
 
     def ask(self, n: int | None = None) -> list[Candidate]:
         """Propose up to `n` of the generation, all that are left without `n`.
 
-        None are left while a generation waits for its last values. A generation shares one
-        simulation seed.
+        None are left while a generation waits for its last values. Once it has them, those
+        candidates follow that are to be run again. A generation shares one simulation seed, and
+        so do the k-th replicates in it.
         """
-        if not self._drawn:
+        if not self._drawn and self.should_stop() is None:
             self._draw()
         count = len(self._to_ask) if n is None else n
         asked, self._to_ask = self._to_ask[:count], self._to_ask[count:]
@@ -115,16 +124,25 @@ class CmaEs:
         """Note the values; after the last of a generation update CMA-ES and move on."""
         for candidate, value in zip(candidates, values, strict=True):
             self._told[candidate.index] = float(value)
-        if len(self._told) == len(self._drawn):
-            self._update([self._told[c.index] for c in self._drawn])
+        if len(self._told) == len(self._drawn) + len(self._again):
+            runs = self._runs
+            left = self._runs_left - len(self._told)
+            if again := self._rule.wanted(runs, self._noise, left):
+                self._repeat(again)
+            else:
+                self._update(runs)
 
     def recommended(self) -> Array | None:
-        """The best design told at the present stage, or at the one before if none is yet."""
+        """The best design told at the present stage, or at the one before if none is yet.
+
+        With replicates, the one of the lowest believed value.
+        """
         return self._best_x
 
     @property
-    def insight(self) -> None:
-        """Nothing: a ranking by values alone says nothing of its certainty."""
+    def insight(self) -> Insight | None:
+        """What replicates said of the last generation's ranking; without them nothing."""
+        return self._insight
 
     def _draw(self) -> None:
         stage = self._stage
@@ -141,28 +159,76 @@ class CmaEs:
         ]
         self._to_ask = list(self._drawn)
 
-    def _update(self, values: Sequence[float]) -> None:
-        f = _ranked(values)
+    @property
+    def _runs(self) -> list[list[float]]:
+        """Values of each candidate of the generation, its own and its replicates'."""
+        runs = [[self._told[c.index]] for c in self._drawn]
+        for position, candidate in self._again:
+            runs[position].append(self._told[candidate.index])
+        return runs
+
+    def _repeat(self, positions: Sequence[int]) -> None:
+        counts = [len(r) for r in self._runs]
+        for position in positions:
+            first = self._drawn[position]
+            seed = first.seed + counts[position] * self._stage.seeds
+            replicate = replace(first, index=self._asked, seed=seed)
+            self._again.append((position, replicate))
+            self._to_ask.append(replicate)
+            counts[position] += 1
+            self._asked += 1
+
+    def _update(self, runs: Sequence[Sequence[float]]) -> None:
+        if self._again:
+            self._noise = self._noise.after(runs)
+        else:
+            self._noise = self._noise.aged
+        settled = self._rule.settled(runs, self._noise)
+        means = np.array([np.mean(r) for r in runs])
+        f = _finite(np.sort(means)[settled.ranks.astype(int)])
         z = [self._asked_z[c.index] for c in self._drawn]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # cma warns of flat and of injected solutions
             self._es.tell(z, list(f))
-        best = int(np.argmin(values))
-        if values[best] < self._best_f:
-            self._best_f, self._best_z = float(values[best]), z[best]
-            self._best_x = self._drawn[best].x
-        candidates, self._drawn, self._told = self._drawn, [], {}
+        self._es.sigma *= settled.sigma_factor
+        self._rule = settled.after
+        self._note_best(runs)
+        candidates, self._drawn, self._again, self._told = self._drawn, [], [], {}
         self._opening, self._why = False, ""
         self._number += 1
         self._generations_in_stage += 1
+        self._runs_in_stage += sum(len(r) for r in runs)
         self._watch_exchange(candidates)
         self._move_on()
 
+    def _note_best(self, runs: Sequence[Sequence[float]]) -> None:
+        values, deviations = believed_values(runs, self._noise.share)
+        best = int(np.argmin(values))
+        if values[best] < self._best_f:
+            self._best_f, self._best_deviation = float(values[best]), float(deviations[best])
+            self._best_z, self._best_x = self._asked_z[self._drawn[best].index], self._drawn[best].x
+        if self._noise.freedom > 0.0 and self._best_x is not None:
+            self._insight = Insight(
+                self._number, belief(runs, self._noise.share).certainty,
+                sum(len(r) for r in runs), self._stage.level, tuple(map(float, self._best_x)),
+                self._best_f, self._best_deviation,
+            )  # fmt: skip
+
     def should_stop(self) -> str | None:
         """Why the search is over, in words; None while it goes on."""
-        if self._generations_in_stage < self._stage.generations:
+        if not self._stage_done:
             return None
         return "the planned generations on every level are done"
+
+    @property
+    def _stage_done(self) -> bool:
+        """Whether no further generation fits; replicates are part of the plan."""
+        return self._runs_left < self._stage.population_size
+
+    @property
+    def _runs_left(self) -> int:
+        """Runs that the stage has left for generations not finished yet."""
+        return self._stage.runs - self._runs_in_stage
 
     @property
     def _stage(self) -> Stage:
@@ -173,7 +239,7 @@ class CmaEs:
         return self._stages[self._stage_number + 1 :]
 
     def _move_on(self) -> None:
-        if self._generations_in_stage >= self._stage.generations:
+        if self._stage_done:
             if self._later_stages:
                 self._stage_number += 1
                 self._restarts += 1
@@ -190,8 +256,9 @@ class CmaEs:
             self._restart(self._best_z, why=f"converged: {', '.join(reasons)}")
 
     def _begin_stage(self, z: Array, *, why: str) -> None:
-        self._generations_in_stage = 0
-        self._best_z, self._best_f = z, np.inf
+        self._generations_in_stage, self._runs_in_stage = 0, 0
+        self._noise, self._rule = NoiseShare(), _rule(self._stage, len(z))
+        self._best_z, self._best_f, self._best_deviation = z, np.inf, 0.0
         self._exchanged = self._exchange is None
         self._start_from(z, why=why)
 
@@ -243,9 +310,18 @@ class CmaEs:
         return self._best_z if x is None else self._problem.to_z(x)
 
 
-def _ranked(values: Sequence[float]) -> Array:
+def _rule(stage: Stage, dimension: int) -> Reevaluation:
+    match stage.reevaluate:
+        case "none":
+            return NoReplicates()
+        case "ranks":
+            return UncertaintyHandling(dimension)
+        case "elite":
+            return EliteDoubt()
+
+
+def _finite(f: Array) -> Array:
     """Values as CMA-ES takes them: failed runs rank last, and equal among themselves."""
-    f = np.asarray(values, dtype=float)
     finite = f[np.isfinite(f)]
     worst = finite.max() if finite.size else 0.0
     return np.where(np.isfinite(f), f, worst + 1.0 + abs(worst))

@@ -45,8 +45,8 @@ def test_doubt_at_the_next_level_counts_once_there_are_enough_validations() -> N
 
 
 def test_a_validation_is_due_by_cost_or_by_runs() -> None:
-    assert not validation_due(23.0, 23, 8.0)
-    assert validation_due(24.0, 24, 8.0)
+    assert not validation_due(15.0, 15, 8.0)
+    assert validation_due(16.0, 16, 8.0)
     assert validation_due(0.4, 40, 1000.0)
 
 

@@ -1,0 +1,119 @@
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from mfopt.arrays import Array
+from mfopt.assisted import AssistedCmaEs
+from mfopt.errors import ConfigError
+from mfopt.problem import Problem, Variable
+from mfopt.search import Rung
+from surrogates.autoregressive import AutoregressiveGp
+
+Function = Callable[[Array], float]
+
+
+def problem(d: int = 6, start: float = 3.0) -> Problem:
+    variables = tuple(Variable(f"x{i}", -5.0, 5.0) for i in range(d))
+    return Problem(variables, np.full(d, start))
+
+
+def sphere(x: Array) -> float:
+    return float(((x - 1.0) ** 2).sum())
+
+
+def run(search: AssistedCmaEs, levels: dict[str, Function]) -> list[tuple[str, float]]:
+    """Level of every run, and the target's value of the recommendation after it."""
+    target, path = list(levels.values())[-1], []
+    while search.should_stop() is None:
+        candidates = search.ask()
+        search.tell(candidates, [levels[c.level](c.x) for c in candidates])
+        best = search.recommended()
+        assert best is not None
+        path += [(c.level, target(best)) for c in candidates]
+    return path
+
+
+def test_a_bowl_takes_about_as_many_runs_as_it_has_coefficients() -> None:
+    # 28 coefficients in 6 variables; CMA-ES alone takes more than 200 runs for this.
+    search = AssistedCmaEs(problem(), [Rung("f", 1.0)], AutoregressiveGp(), budget=60.0, seed=1)
+    assert run(search, {"f": sphere})[-1][1] < 1e-3 * sphere(problem().baseline)
+
+
+def test_most_of_a_ladder_s_runs_are_cheap_and_its_result_is_the_target_s() -> None:
+    levels: dict[str, Function] = {
+        "coarse": lambda x: sphere(x + 0.3) + 0.1 * float(np.sin(x).sum()),
+        "fine": sphere,
+    }
+    rungs = [Rung("coarse", 1 / 16), Rung("fine", 1.0)]
+    search = AssistedCmaEs(problem(), rungs, AutoregressiveGp(), budget=25.0, seed=2)
+    path = run(search, levels)
+    names = [level for level, _ in path]
+    assert names.count("coarse") > 20
+    assert names.count("fine") < 25
+    assert path[-1][1] < 0.02 * sphere(problem().baseline)
+    assert path[-1][1] < sphere(np.full(6, 0.7))  # better than the coarse optimum
+
+
+def test_a_level_that_lies_is_left() -> None:
+    levels: dict[str, Function] = {"coarse": lambda x: sphere(-x), "fine": sphere}
+    rungs = [Rung("coarse", 1 / 8), Rung("fine", 1.0)]
+    search = AssistedCmaEs(problem(), rungs, AutoregressiveGp(), budget=60.0, seed=3)
+    assert run(search, levels)[-1][1] < 0.02 * sphere(problem().baseline)
+
+
+def test_noise_is_averaged_out_by_the_surrogate() -> None:
+    rng = np.random.default_rng(4)
+    noisy: dict[str, Function] = {"f": lambda x: sphere(x) + 3.0 * rng.normal()}
+    search = AssistedCmaEs(problem(), [Rung("f", 1.0)], AutoregressiveGp(), budget=150.0, seed=4)
+    run(search, noisy)
+    best = search.recommended()
+    assert best is not None
+    assert sphere(best) < 3.0  # the deviation of the noise; the start is at 24
+    assert search.insight is not None
+    assert 0.0 < search.insight.certainty <= 1.0
+    assert abs(search.insight.mean - sphere(best)) < 4.0 * search.insight.deviation + 0.5
+
+
+@pytest.mark.parametrize("workers", [1, 4])
+def test_the_budget_is_never_exceeded_and_no_worker_waits(workers: int) -> None:
+    rungs = [Rung("coarse", 0.3), Rung("fine", 1.0)]
+    search = AssistedCmaEs(problem(4), rungs, AutoregressiveGp(), budget=12.0, seed=5)
+    cost, out, idle = {r.level: r.cost for r in rungs}, [], 0
+    spent = 0.0
+    while True:
+        if search.should_stop() is None:
+            out += (new := search.ask(workers - len(out)))
+            spent += sum(cost[c.level] for c in new)
+            idle += workers - len(out)
+        if not out:
+            break
+        ended = out.pop()  # the last asked ends first
+        search.tell([ended], [sphere(ended.x)])
+    assert spent <= 12.0 + 1e-9
+    assert idle <= workers  # at the very end, when no budget is left for another run
+
+
+def test_the_exchange_leads_out_of_the_wrong_order() -> None:
+    def valley(x: Array) -> float:
+        """Two minima, at (2, -2) and, much lower, at (-2, 2)."""
+        a, b = np.array([2.0, -2.0, 0.0]), np.array([-2.0, 2.0, 0.0])
+        return float(min(((x - a) ** 2).sum() + 5.0, ((x - b) ** 2).sum()))
+
+    variables = tuple(Variable(name, -5.0, 5.0) for name in ("y1", "y2", "z"))
+    start = Problem(variables, np.array([2.5, -2.5, 1.0]))
+    search = AssistedCmaEs(
+        start, [Rung("f", 1.0)], AutoregressiveGp(), budget=60.0, seed=6, sigma=0.05,
+        exchange=("y1", "y2"),
+    )  # fmt: skip
+    assert run(search, {"f": valley})[-1][1] < 0.5
+
+
+def test_bad_input_is_named() -> None:
+    gp = AutoregressiveGp()
+    with pytest.raises(ConfigError, match="no level"):
+        AssistedCmaEs(problem(), [], gp, budget=1.0, seed=1)
+    with pytest.raises(ConfigError, match=r"budget = 0\.5 is below the cost of one run"):
+        AssistedCmaEs(problem(), [Rung("f", 1.0)], gp, budget=0.5, seed=1)
+    with pytest.raises(ConfigError, match=r"cost = 0\.0 must be above 0"):
+        Rung("f", 0.0)
