@@ -89,7 +89,7 @@ def test_wrong_study_is_refused_before_anything_is_written(
 def test_empty_ladder(tmp_path: Path) -> None:
     study = tmp_path / "study.toml"
     head = GOOD[: GOOD.index("[[level]]")]
-    study.write_text("level = []\n" + head + "[search]\nstage = []\n")
+    study.write_text("level = []\n" + head + "[search]\nbudget = 5\n")
     assert "ladder is empty" in refused(mfopt("run", study, "-d", tmp_path / "run"))
 
 
