@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Literal, Protocol, get_args
 
 from mfopt.arrays import Array
 from mfopt.errors import ConfigError
@@ -58,6 +58,9 @@ class Search(Protocol):
         """Runs that are still to be asked for, by level."""
 
 
+Reevaluate = Literal["none", "ranks", "elite"]
+
+
 @dataclass(frozen=True, slots=True)
 class Stage:
     """A stretch of the search on one level."""
@@ -68,6 +71,7 @@ class Stage:
     sigma: float = 0.2  # initial step size in the unit cube
     objective: str = "dispersion"
     seeds: int = 1  # generations rotate over so many seeds; one generation shares one
+    reevaluate: Reevaluate = "none"  # which candidates are run again
 
     def __post_init__(self) -> None:
         for name, lowest in (("generations", 1), ("population_size", 3), ("seeds", 1)):
@@ -81,6 +85,16 @@ class Stage:
                 f"stage on {self.level!r}: sigma = {self.sigma} must be above 0 and at most 1 "
                 "(a step in the unit cube; 0.2 is a good start)"
             )
+        if self.reevaluate not in get_args(Reevaluate):
+            raise ConfigError(
+                f"stage on {self.level!r}: reevaluate = {self.reevaluate!r} is none of "
+                f"{', '.join(get_args(Reevaluate))}"
+            )
+
+    @property
+    def runs(self) -> int:
+        """Runs that the stage may spend, replicates included."""
+        return self.generations * self.population_size
 
 
 CHEAPEST = 1.0 / 512.0  # of a target run; below it the search's own work is what costs

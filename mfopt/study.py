@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from mfopt.errors import ConfigError
 from mfopt.objective import objective_named
-from mfopt.search import Stage
+from mfopt.search import Reevaluate, Stage
 from mfopt.settings import Settings, checked, nearest
 
 POPULATION_SIZE = 16  # of a stage that names none
@@ -40,6 +40,7 @@ class SearchSettings(Settings):
     population_size: int | None = Field(default=None, ge=3)
     sigma: float = Field(default=0.2, gt=0.0, le=1.0)
     seeds: int = Field(default=1, ge=1)
+    reevaluate: Reevaluate = "none"
     exchange: tuple[str, str] | None = Field(default=None, strict=False)
     stage: list[StageSettings] = Field(default_factory=list)
 
@@ -50,6 +51,11 @@ class SearchSettings(Settings):
                 raise ValueError(
                     'stages are of method = "cma-es"; the assisted search changes the level by '
                     "itself: give it a budget instead"
+                )
+            if self.reevaluate != "none":
+                raise ValueError(
+                    'reevaluate is of method = "cma-es"; the assisted search decides by itself '
+                    "what is run again"
                 )
             if self.budget is None:
                 raise ValueError("budget is missing; give it in runs of the target level")
@@ -69,6 +75,7 @@ class SearchSettings(Settings):
                 sigma=s.sigma or self.sigma,
                 objective=s.objective or objective,
                 seeds=s.seeds or self.seeds,
+                reevaluate=self.reevaluate,
             )
             for s in self.stage
         )

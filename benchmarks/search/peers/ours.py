@@ -14,7 +14,7 @@ from benchmarks.search.case import Array, Case, Meter, Spent, Trace
 from mfopt.assisted import AssistedCmaEs
 from mfopt.cmaes import CmaEs
 from mfopt.problem import Problem, Variable
-from mfopt.search import Rung, Search, Stage
+from mfopt.search import Reevaluate, Rung, Search, Stage
 from surrogates.autoregressive import AutoregressiveGp
 
 Build = Callable[[Case, float, int], Search]
@@ -52,15 +52,25 @@ def run_search(build: Build, case: Case, budget: float, seed: int) -> Trace:
     return meter.trace(why)
 
 
-def planned_cmaes(case: Case, budget: float, seed: int) -> CmaEs:
+def planned_cmaes(case: Case, budget: float, seed: int, reevaluate: Reevaluate = "none") -> CmaEs:
     """`mfopt.CmaEs`, its generations planned by the same shares of the budget on each level."""
     size = 4 + int(3 * np.log(case.dimension))
     share = budget / len(case.levels)
     stages = [
-        Stage(name, max(1, int(share / cost / size)), size, case.sigma0)
+        Stage(name, max(1, int(share / cost / size)), size, case.sigma0, reevaluate=reevaluate)
         for name, cost in zip(level_names(case), case.costs, strict=True)
     ]
     return CmaEs(problem_of(case), stages, seed=seed)
+
+
+def ranks(case: Case, budget: float, seed: int) -> CmaEs:
+    """The same with the uncertainty handling of Hansen et al. 2009."""
+    return planned_cmaes(case, budget, seed, "ranks")
+
+
+def elite(case: Case, budget: float, seed: int) -> CmaEs:
+    """The same with replicates where membership in the elite is in doubt and they pay."""
+    return planned_cmaes(case, budget, seed, "elite")
 
 
 def _z(case: Case, x: Array) -> Array:
@@ -87,6 +97,8 @@ BUILDS: Mapping[str, Build] = {
     "mfopt": assisted,
     "mfopt-target": assisted_on_target,
     "mfopt-cmaes": planned_cmaes,
+    "mfopt-cmaes-ranks": ranks,
+    "mfopt-cmaes-elite": elite,
 }
 
 OURS: Mapping[str, Callable[[Case, float, int], Trace]] = {
