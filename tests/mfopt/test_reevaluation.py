@@ -22,6 +22,7 @@ from mfopt.reevaluation import (
     uncertainty,
 )
 from mfopt.search import Reevaluate, Stage
+from mfopt.study import SearchSettings
 
 RULES: list[Reevaluate] = ["ranks", "elite"]
 Measure = Callable[[Candidate], float]
@@ -246,3 +247,13 @@ def test_failed_runs_do_not_stop_it() -> None:
 def test_an_unknown_rule_is_named() -> None:
     with pytest.raises(ConfigError, match="'often' is none of none, ranks, elite"):
         Stage("l", 5, 6, reevaluate="often")  # type: ignore[arg-type]
+
+
+def test_the_study_file_sets_it_for_every_stage() -> None:
+    stages = [{"level": "a", "generations": 2}, {"level": "b", "generations": 3}]
+    its = SearchSettings.model_validate(
+        {"method": "cma-es", "reevaluate": "elite", "stage": stages}
+    )
+    assert [s.reevaluate for s in its.stages("dispersion")] == ["elite", "elite"]
+    with pytest.raises(ValueError, match='reevaluate is of method = "cma-es"'):
+        SearchSettings.model_validate({"budget": 30.0, "reevaluate": "elite"})
