@@ -1,4 +1,5 @@
 from collections.abc import Callable
+from pathlib import Path
 
 import cma
 import numpy as np
@@ -8,6 +9,9 @@ from mfopt.arrays import Array
 from mfopt.cmaes import CmaEs
 from mfopt.errors import ConfigError
 from mfopt.evaluation import Candidate, Insight
+from mfopt.executor import Runner, one_thread
+from mfopt.function_level import FunctionLevel
+from mfopt.level import Ladder
 from mfopt.noise_share import NoiseShare, belief, believed_values
 from mfopt.problem import Problem, Variable
 from mfopt.ranking import recombination_weights
@@ -21,17 +25,21 @@ from mfopt.reevaluation import (
     gains,
     uncertainty,
 )
+from mfopt.run import run_study
 from mfopt.search import Reevaluate, Stage
+from mfopt.store import create, open_run
 from mfopt.study import SearchSettings
 
 RULES: list[Reevaluate] = ["ranks", "elite"]
 Measure = Callable[[Candidate], float]
 
 
-def search(rule: Reevaluate, generations: int = 20, size: int = 10) -> CmaEs:
-    variables = tuple(Variable(f"x{i}", -5.0, 5.0) for i in range(4))
-    problem = Problem(variables, np.full(4, 3.0))
-    return CmaEs(problem, [Stage("l", generations, size, seeds=2, reevaluate=rule)], seed=7)
+PROBLEM = Problem(tuple(Variable(f"x{i}", -5.0, 5.0) for i in range(4)), np.full(4, 3.0))
+
+
+def search(rule: Reevaluate, generations: int = 20) -> CmaEs:
+    stage = Stage("l", generations, 10, seeds=2, objective="returned", reevaluate=rule)
+    return CmaEs(PROBLEM, [stage], seed=7)
 
 
 def sphere(candidate: Candidate) -> float:
@@ -257,3 +265,37 @@ def test_the_study_file_sets_it_for_every_stage() -> None:
     assert [s.reevaluate for s in its.stages("dispersion")] == ["elite", "elite"]
     with pytest.raises(ValueError, match='reevaluate is of method = "cma-es"'):
         SearchSettings.model_validate({"budget": 30.0, "reevaluate": "elite"})
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_a_study_broken_off_among_replicates_resumes(rule: Reevaluate, tmp_path: Path) -> None:
+    def noisy(x: Array, seed: int) -> float:
+        rng = np.random.default_rng((seed, int(1e6 * (x[0] + 5.0))))
+        return float(np.sum(x**2) + 9.0 * rng.normal())
+
+    def run(name: str, breaks_at: int = -1) -> list[tuple[object, ...]]:
+        calls = 0
+
+        def counted(x: Array, seed: int) -> float:
+            nonlocal calls
+            calls += 1
+            if calls == breaks_at:
+                raise KeyboardInterrupt
+            return noisy(x, seed)
+
+        path, ladder = tmp_path / name, Ladder((FunctionLevel("l", counted),))
+        directory = open_run(path) if path.exists() else create(path, "", {})
+        run_study(
+            PROBLEM, ladder, search(rule, 5), Runner(one_thread), directory,
+            confirm_on=ladder, confirm_seeds=0, window=3,
+        )  # fmt: skip
+        return [
+            (e.candidate.index, e.candidate.x.tobytes(), e.candidate.seed, e.objective)
+            for e in open_run(path).evaluations()
+        ]
+
+    whole = run("whole")
+    with pytest.raises(KeyboardInterrupt):
+        run("broken", breaks_at=12)
+    assert run("broken") == whole
+    assert len(open_run(tmp_path / "broken").insights) > 1
