@@ -27,7 +27,7 @@ def assembled(
         "study": {"name": "s"},
         "problem": {"scene": "dosing", "objective": "dispersion"},
         "level": levels,
-        "search": {"stage": [{"level": levels[-1]["name"], "generations": 1}]},
+        "search": {"method": "cma-es", "stage": [{"level": levels[-1]["name"], "generations": 1}]},
         "confirm": {"seeds": 2, **({} if reference is None else {"reference": reference})},
     }
     return assemble(checked(Study, study | other, where="study"), where="study")
