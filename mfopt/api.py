@@ -111,7 +111,8 @@ def minimize(
         path = Path(directory) if directory is not None else Path(scratch) / "run"
         if not (path / "run.json").exists():
             create(path, "", header(problem, ladder, name=path.name, seed=seed,
-                                    objective="returned", workers=workers))  # fmt: skip
+                                    objective="returned", workers=workers)
+                   | {"method": "cma-es" if surrogate is None else "assisted"})  # fmt: skip
         with writing(path):
             run = open_run(path)
             best = run_study(

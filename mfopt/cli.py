@@ -202,7 +202,7 @@ def _display(study: Study, parts: Assembled, search: Search, console: Console) -
 
 
 def _header(study: Study, parts: Assembled, workers: int) -> dict[str, Any]:
-    return header(
+    its = header(
         parts.problem,
         parts.ladder,
         name=study.study.name,
@@ -212,6 +212,7 @@ def _header(study: Study, parts: Assembled, workers: int) -> dict[str, Any]:
         levels=parts.described,
         versions=parts.versions,
     )
+    return its | {"method": study.search.method}
 
 
 @_command

@@ -105,7 +105,7 @@ class ProgressDisplay:
         if its is None:
             return f"best {best:.4g}{self._unit}"
         half = HALF_WIDTH * its.deviation
-        return f"best {its.mean:.4g} \u00b1 {half:.2g}{self._unit} (predicted for {its.level})"
+        return f"best {its.mean:.4g} \u00b1 {half:.2g}{self._unit} (estimated for {its.level})"
 
     def cpu(self) -> tuple[float, float]:
         """CPU time of mfopt itself, its workers and reports, and of the simulators [s].

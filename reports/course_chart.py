@@ -1,4 +1,4 @@
-"""The figure of an assisted search: what it believed, where it ran, how sure its rankings were."""
+"""The figure of a search that gives insights: its estimate, its runs, how sure its rankings were."""
 
 from itertools import groupby
 from typing import TYPE_CHECKING
@@ -58,9 +58,9 @@ def course(its: Course, shown: Display, name: str, confirmed: Comparison | None)
         axes[2].set_ylabel("certainty of\nranking [%]")
         axes[3].plot(of["ended"], of["runs"], color=BLUE, ls="", marker="o", ms=2.5)
         size = max(look.generation.population_size for look in its.looks)
-        axes[3].set_ylim(0.0, 1.15 * size)
+        axes[3].set_ylim(0.0, 1.15 * max(size, *of["runs"]))
         axes[3].yaxis.set_major_locator(MaxNLocator(integer=True, nbins=4))
-        axes[3].set_ylabel(f"run, of\n{size} drawn")
+        axes[3].set_ylabel("runs per\ngeneration")
         axes[3].set_xlabel("work spent by the search [full runs]")
         figure.align_ylabels(axes)
         draw_bands(axes, its.bands())
@@ -85,7 +85,7 @@ def _ends(its: Course) -> tuple[float, float]:
 
 def _belief(axis: "Axes", its: Course, shown: Display, confirmed: Comparison | None) -> None:
     known = [look for look in its.looks if look.insight is not None]
-    label: str | None = "predicted for the recommended design, with 95\u202f% interval"
+    label: str | None = "estimated for the recommended design, with 95\u202f% interval"
     values = []
     for _, group in groupby(known, key=lambda look: look.generation.level):
         own = [(look.ended, look.insight) for look in group if look.insight is not None]

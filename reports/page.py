@@ -73,8 +73,9 @@ def context(run: RunDirectory, describe: Describe) -> dict[str, Any]:
         "name": facts.name,
         "unit": facts.shown.unit,
         "result": its and {"confirmed": bool(its.confirmations)},
-        "assisted": facts.course is not None,
-        "chosen": its and chosen(its, assisted=bool(run.insights)),
+        "assisted": _assisted(facts),
+        "has_course": facts.course is not None,
+        "chosen": its and chosen(its, assisted=_assisted(facts), insights=bool(run.insights)),
         "best": best and _shown(best),
         "cards": cards(facts, best),
         "designs": [(v.label, picture) for v, picture in zip(views, shapes, strict=True)],
@@ -82,6 +83,11 @@ def context(run: RunDirectory, describe: Describe) -> dict[str, Any]:
         **_tables(facts),
         **_figures(facts, best, baseline),
     }
+
+
+def _assisted(facts: Facts) -> bool:
+    """Whether a surrogate chose the designs that were run."""
+    return facts.header.get("method") == "assisted"
 
 
 def _shown(best: DesignView) -> dict[str, Any]:
@@ -205,7 +211,7 @@ def cards(facts: Facts, best: DesignView | None) -> list[tuple[str, str, str]]:
         remark = f"baseline {facts.shown.full(c.median_baseline)}"
         made.append((facts.name, facts.shown.full(c.median_best), remark))
     elif its is not None and its.belief is not None:
-        remark = f"predicted for level {its.belief.level}"
+        remark = f"estimated for level {its.belief.level}"
         made.append((facts.name, facts.shown.full(its.belief.mean), remark))
     elif its is not None:
         made.append((facts.name, facts.shown.full(its.found.value), f"one run, {its.found.level}"))

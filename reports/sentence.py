@@ -72,7 +72,7 @@ def _unconfirmed(result: Result, name: str, shown: Display, *, so_far: str) -> s
     row = result.found
     if result.belief is not None:
         return (
-            f"The best design{so_far} has {_article(name)} {name} that the search predicts to be "
+            f"The best design{so_far} has {_article(name)} {name} that the search estimates to be "
             f"{believed(result.belief, shown)} at level {result.belief.level}; fresh seeds have "
             "not confirmed it."
         )
@@ -90,29 +90,36 @@ def believed(belief: Insight, shown: Display) -> str:
     return f"{shown.full(belief.mean)} ({shown.text(low)} to {shown.full(high)})"
 
 
-def chosen(result: Result, *, assisted: bool) -> str:
+def chosen(result: Result, *, assisted: bool, insights: bool) -> str:
     """How the best design was chosen.
 
     Args:
         result: the best design.
         assisted: whether a surrogate chose it.
+        insights: whether the search says what it knows of its designs.
     """
-    if not assisted:
+    if insights and not assisted:
+        text = (
+            "CMA-ES ran some candidates of a generation more than once. The design with the lowest "
+            "mean of its runs at the finest level that it reached was chosen."
+        )
+    elif not assisted:
         return (
             "The search proposed the design with the lowest value of one run at the finest level "
             "that it reached. Such a value is on the optimistic side, since the lowest of many "
             "noisy values was picked; fresh seeds tell what the design is worth."
         )
-    text = (
-        "A surrogate, a model of the objective that learns from the runs at all levels, predicts "
-        "what every design that was run is worth apart from noise. The design with the lowest "
-        "prediction was chosen, one standard deviation of doubt added, and not the one with the "
-        "lowest value of a single run."
-    )
+    else:
+        text = (
+            "A surrogate, a model of the objective that learns from the runs at all levels, "
+            "estimates what every design that was run is worth apart from noise. The design with "
+            "the lowest estimate was chosen, one standard deviation of doubt added, and not the "
+            "one with the lowest value of a single run."
+        )
     if result.belief is None:
         return text
     return (
-        f"{text} The prediction is that of generation {result.belief.generation}, for level "
+        f"{text} The estimate is that of generation {result.belief.generation}, for level "
         f"{result.belief.level}; the truth lies within its interval with 95\u202f% probability."
     )
 

@@ -102,7 +102,7 @@ def belief_lines(result: Result, shown: Display) -> list[list[str]]:
     if (its := result.belief) is not None:
         low, high = believed_interval(its)
         interval = f"{shown.text(low)} to {shown.text(high)}"
-        lines.append(["predicted by the search", its.level, shown.text(its.mean), interval])
+        lines.append(["estimated by the search", its.level, shown.text(its.mean), interval])
     if lines and (seen := result.objective) is not None:
         plain = Display(shown.factor, MISSING)
         interval = interval_text(median_interval(seen.best), plain)

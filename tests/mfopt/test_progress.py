@@ -70,7 +70,7 @@ def test_a_budget_fixes_the_total_and_the_prediction_is_the_best() -> None:
         left=17, budget=20.0, insight=lambda: its,
     )  # fmt: skip
     assert [line.split("  ")[1] for line in lines] == [
-        "best 0.4 \u00b1 0.02 s (predicted for fine)"
+        "best 0.4 \u00b1 0.02 s (estimated for fine)"
     ] * 3
     assert [line.split("  ")[2] for line in lines] == [
         "work 1.0 of 64.0 full runs", "work 2.0 of 64.0 full runs", "work 3.0 of 64.0 full runs",

@@ -240,7 +240,7 @@ def assisted_run(path: Path, *, finished: bool = True) -> RunDirectory:
     The third design of generation 3 is recommended, and has not its lowest value.
     """
     head = header(VARIABLES, BASELINE)
-    head["levels"] = head["levels"][1:]
+    head |= {"levels": head["levels"][1:], "method": "assisted"}
     run = create(path, "", head)
     rng, coarse, fine = np.random.default_rng(8), "bullet-300", "yade-1000"
     plan = [(1, coarse, [coarse] * 4), (2, coarse, [fine, coarse, coarse]), (3, fine, [fine] * 4)]

@@ -58,7 +58,7 @@ def test_the_figure_names_what_it_shows(make_assisted: MakeRun) -> None:
     assert its is not None
     assert found is not None
     svg = course_chart.course(its, display("s", [0.1]), "dispersion", found.objective)
-    for text in ("[ms]", "bullet-300", "yade-1000", "predicted for the recommended design",
+    for text in ("[ms]", "bullet-300", "yade-1000", "estimated for the recommended design",
                  "median over fresh seeds", "certainty", "work spent by the search"):  # fmt: skip
         assert text in svg, text
     assert "median over fresh seeds" not in course_chart.course(
@@ -101,14 +101,27 @@ def test_the_report_says_how_the_design_was_chosen(
     text = " ".join(page.read_text(encoding="utf-8").split())
     for phrase in (
         "How the best design was chosen", "not the one with the lowest value of a single run",
-        "predicted by the search", "100.0", "80.40 to 119.6", "95 % probability",
+        "estimated by the search", "100.0", "80.40 to 119.6", "95 % probability",
         "<strong>yade-1000</strong> from generation 3 on: converged", "validation",
         "Four aligned panels",
     ):  # fmt: skip
         assert phrase in text, phrase
     assert ("median over fresh seeds</th>" in text) == finished
-    assert ("the search predicts to be 100.0" in text) == (not finished)
+    assert ("the search estimates to be 100.0" in text) == (not finished)
     assert "Best and median of the finished runs" not in text
+
+
+def test_replicates_of_the_planned_search_are_not_called_a_surrogate(
+    make_assisted: MakeRun, tmp_path: Path
+) -> None:
+    run = make_assisted()
+    run.header = {**run.header, "method": "cma-es"}
+    write_report(run, describe=lambda x: None, html=tmp_path / "r.html")
+    text = (tmp_path / "r.html").read_text(encoding="utf-8")
+    assert "mean of its runs" in text
+    assert "certain the ranking" in text
+    assert "surrogate" not in text
+    assert "could be predicted" not in text
 
 
 def test_the_planned_search_says_that_a_single_value_chose(
