@@ -1,4 +1,4 @@
-"""The figure of a search that gives insights: its estimate, its runs, how sure its rankings were."""
+"""The figure of a search that gives insights: estimate, runs, how sure its rankings were."""
 
 from itertools import groupby
 from typing import TYPE_CHECKING
