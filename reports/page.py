@@ -75,7 +75,8 @@ def context(run: RunDirectory, describe: Describe) -> dict[str, Any]:
         "result": its and {"confirmed": bool(its.confirmations)},
         "assisted": _assisted(facts),
         "has_course": facts.course is not None,
-        "chosen": its and chosen(its, assisted=_assisted(facts), insights=bool(run.insights)),
+        "chosen": its
+        and chosen(its, method=facts.header.get("method"), insights=bool(run.insights)),
         "best": best and _shown(best),
         "cards": cards(facts, best),
         "designs": [(v.label, picture) for v, picture in zip(views, shapes, strict=True)],

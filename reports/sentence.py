@@ -90,20 +90,22 @@ def believed(belief: Insight, shown: Display) -> str:
     return f"{shown.full(belief.mean)} ({shown.text(low)} to {shown.full(high)})"
 
 
-def chosen(result: Result, *, assisted: bool, insights: bool) -> str:
+def chosen(result: Result, *, method: str | None, insights: bool) -> str:
     """How the best design was chosen.
 
     Args:
         result: the best design.
-        assisted: whether a surrogate chose it.
+        method: of the search, as the study file names it; None if the run does not say.
         insights: whether the search says what it knows of its designs.
     """
-    if insights and not assisted:
+    if insights and method is None:
+        text = "The design with the best estimate of the search was chosen."
+    elif insights and method != "assisted":
         text = (
             "CMA-ES ran some candidates of a generation more than once. The design with the lowest "
             "mean of its runs at the finest level that it reached was chosen."
         )
-    elif not assisted:
+    elif method != "assisted":
         return (
             "The search proposed the design with the lowest value of one run at the finest level "
             "that it reached. Such a value is on the optimistic side, since the lowest of many "

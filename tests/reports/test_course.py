@@ -124,6 +124,18 @@ def test_replicates_of_the_planned_search_are_not_called_a_surrogate(
     assert "could be predicted" not in text
 
 
+def test_a_run_that_does_not_name_its_method_is_given_none(
+    make_assisted: MakeRun, tmp_path: Path
+) -> None:
+    run = make_assisted()
+    run.header = {key: value for key, value in run.header.items() if key != "method"}
+    write_report(run, describe=lambda x: None, html=tmp_path / "r.html")
+    text = (tmp_path / "r.html").read_text(encoding="utf-8")
+    assert "best estimate of the search was chosen" in text
+    assert "CMA-ES" not in text
+    assert "surrogate" not in text
+
+
 def test_the_planned_search_says_that_a_single_value_chose(
     finished_run: RunDirectory, tmp_path: Path
 ) -> None:
