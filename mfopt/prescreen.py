@@ -32,7 +32,10 @@ def minimiser(posterior: Posterior, level: int, starts: Array, radius: float) ->
 
     best, lowest = inside[int(np.argmin(mean))], np.inf
     for start in inside[np.argsort(mean, kind="stable")[:STARTS]]:
-        found = minimize(cost, start, jac=True, method="L-BFGS-B", options={"maxiter": ITERATIONS})
+        found = minimize(
+            cost, start, jac=True, method="L-BFGS-B", options={"maxiter": ITERATIONS},
+            bounds=[(-radius, radius)] * len(start),  # or it runs off where the mean is flat
+        )  # fmt: skip
         if found.fun < lowest:
             best, lowest = found.x, float(found.fun)
     length = float(np.linalg.norm(best))
