@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from mfopt.arrays import Array, frozen
@@ -20,7 +19,7 @@ from mfopt.header import header
 from mfopt.level import Ladder, Level
 from mfopt.problem import Constraint, Problem, Variable
 from mfopt.run import run_study
-from mfopt.search import Search, Stage, rungs, window
+from mfopt.search import Search, Stage, default_population_size, rungs, window
 from mfopt.store import create, open_run, writing
 from mfopt.surrogate import Surrogate
 
@@ -94,7 +93,7 @@ def minimize(
             raise ConfigError(
                 f"budget = {budget:g} needs a surrogate; give one, or generations in its place"
             )
-        size = population_size or 4 + int(3 * np.log(problem.dimension))
+        size = population_size or default_population_size(problem.dimension)
         search = CmaEs(problem, _plan(ladder, generations, size, sigma, seeds), seed=seed)
     else:
         if budget is None or generations is not None:
@@ -110,9 +109,10 @@ def minimize(
     with tempfile.TemporaryDirectory(prefix="mfopt-") as scratch:
         path = Path(directory) if directory is not None else Path(scratch) / "run"
         if not (path / "run.json").exists():
-            create(path, "", header(problem, ladder, name=path.name, seed=seed,
-                                    objective="returned", workers=workers)
-                   | {"method": "cma-es" if surrogate is None else "assisted"})  # fmt: skip
+            create(path, "", header(
+                problem, ladder, name=path.name, seed=seed, objective="returned",
+                method="cma-es" if surrogate is None else "assisted", workers=workers,
+            ))  # fmt: skip
         with writing(path):
             run = open_run(path)
             best = run_study(

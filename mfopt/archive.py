@@ -46,6 +46,10 @@ class Archive:
         """Number of runs that did not fail."""
         return int(np.isfinite(self.value).sum())
 
+    def designs_at(self, level: int) -> Array:
+        """Designs (n, d) of the runs at a level, in order."""
+        return np.asarray(self.z[self.level == level])
+
     def values_at(self, level: int) -> Array:
         """Objective of the runs at a level, in order."""
         return np.asarray(self.value[self.level == level])

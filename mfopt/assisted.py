@@ -13,6 +13,7 @@ of the model's minimiser); Eriksson et al., arXiv:1910.01739 (trust region, Thom
 """
 
 from collections.abc import Sequence
+from itertools import count
 
 import numpy as np
 
@@ -21,12 +22,12 @@ from mfopt.arrays import Array, frozen
 from mfopt.belief import FEWEST, Belief, learn
 from mfopt.climbing import Standing, misled, validation_due, why_climb
 from mfopt.distribution import Distribution
-from mfopt.errors import ConfigError, SimulationError
+from mfopt.errors import ConfigError
 from mfopt.evaluation import Candidate, Generation, Insight
 from mfopt.prescreen import minimiser, thompson
 from mfopt.problem import Problem
 from mfopt.ranking import certainty, expected_weights, recombination_weights
-from mfopt.search import Rung
+from mfopt.search import Rung, default_population_size
 from mfopt.surrogate import Surrogate
 from mfopt.swap import Pair, check_pair, swapped, wrong_way
 
@@ -37,7 +38,6 @@ WIDTH_AFTER_CLIMB = 0.05  # least widest deviation after a level change, unit cu
 FAR = 4.0  # a recommendation so far from the mean [sqrt(d)] starts a new distribution
 WIDTH_OF_RESTART = 0.5  # of the first step size
 CONVERGED = 1e-6  # widest deviation at the target level that leads to a restart, unit cube
-REDRAWS = 1000  # draws for one possible design before giving up
 
 
 class AssistedCmaEs:
@@ -85,7 +85,7 @@ class AssistedCmaEs:
         self._turned: Array | None = None  # the recommendation exchanged, once a level
         self._problem, self._rungs, self._surrogate = problem, tuple(rungs), surrogate
         self._budget, self._sigma = budget, sigma
-        self._size = population_size or 4 + int(3 * np.log(problem.dimension))
+        self._size = population_size or default_population_size(problem.dimension)
         self._objective, self._seeds, self._first_seed = objective, seeds, first_seed
         self._rng = np.random.default_rng(seed)
         self._start = problem.to_z(problem.baseline)
@@ -179,9 +179,27 @@ class AssistedCmaEs:
             self._first_seed + self._number % self._seeds, self._number,
         )  # fmt: skip
 
+    @property
+    def _affordable(self) -> bool:
+        """Whether the budget allows one more run at the working level, and the last one after it.
+
+        The last run is that of the recommended design at the target level, if it lacks one.
+        """
+        left = self._budget - self._spent.sum() - self._rungs[self._level].cost
+        return left >= 0.0 and (left >= self._rungs[-1].cost or not self._lacks_target_run)
+
+    @property
+    def _lacks_target_run(self) -> bool:
+        """Whether the recommended design has not been asked for at the target level."""
+        best, target = self._recommended(), len(self._rungs) - 1
+        if best is None:
+            return False
+        out = (z for z, level in self._waiting.values() if level == target)
+        return not any((z == best).all() for z in (*self._archive.designs_at(target), *out))
+
     def _keep_busy(self) -> None:
         """Plan a run that the search does not wait for, rather than leave a worker idle."""
-        if self._budget - self._spent.sum() < self._rungs[self._level].cost:
+        if not self._affordable:
             return
         if self._belief is not None and self._open:
             self._pick(awaited=False)
@@ -192,11 +210,11 @@ class AssistedCmaEs:
 
     def _open_generation(self) -> None:
         """Draw the candidates of a generation and plan the first runs."""
-        if self._budget - self._spent.sum() < self._rungs[self._level].cost:
-            self._stop = "the budget is spent"
-            return
         self._planned: list[tuple[Array, int, bool]] = []  # design, level, awaited
         self._awaited: set[int] = set()
+        if not self._affordable:
+            self._finish()
+            return
         if self._belief is None:
             self._pool = self._samples(self._size)
             if self._number == 1:
@@ -210,11 +228,24 @@ class AssistedCmaEs:
         self._open = list(range(self._size))
         self._take(0, awaited=True)
 
+    def _finish(self) -> None:
+        """Run the recommended design at the target level if it was not, then stop."""
+        target, best = len(self._rungs) - 1, self._recommended()
+        left = self._budget - self._spent.sum()
+        if best is not None and self._lacks_target_run and left >= self._rungs[target].cost:
+            self._pool, self._open = self._pool[:0], []
+            self._planned.append((best, target, True))
+        else:
+            self._stop = "the budget is spent"
+
     def _plan_validation(self) -> None:
-        above, best = self._level + 1, self._recommended()
-        if above == len(self._rungs) or best is None:
+        above = self._level + 1
+        if above == len(self._rungs):
             return
         if validation_due(*self._since_validation, self._rungs[above].cost):
+            best = self._recommended()
+            if best is None:
+                return
             self._since_validation = (0.0, 0)
             if not len(self._archive.values_at(above)):
                 self._planned.append((self._start, above, True))
@@ -222,8 +253,10 @@ class AssistedCmaEs:
 
     def _plan_exchange(self) -> None:
         """Run the recommended design exchanged, once a level, where it is the wrong way round."""
+        if self._exchange is None or self._turned is not None:
+            return
         best = self._recommended()
-        if self._exchange is None or self._turned is not None or best is None:
+        if best is None:
             return
         x = self._problem.to_x(best)
         if wrong_way(self._problem, self._exchange, x):
@@ -231,16 +264,13 @@ class AssistedCmaEs:
             self._turned = best if turned is None else self._problem.to_z(turned)
             self._planned.append((self._turned, self._level, True))
 
-    def _exchange_pays(self) -> bool:
-        """Whether the exchanged design is the best run at this level."""
-        if self._turned is None:
+    def _exchange_pays(self, exchanged: Array) -> bool:
+        """Whether the exchanged design (d,) is the best run at this level, and far from here."""
+        values = self._archive.values_at(self._level)
+        its = (self._archive.designs_at(self._level) == exchanged).all(axis=1)
+        if not its.any() or its.all() or values[its].min() >= values[~its].min():
             return False
-        own = self._archive.level == self._level
-        z, values = self._archive.z[own], self._archive.value[own]
-        turned = (z == self._turned).all(axis=1)
-        if not turned.any() or turned.all():
-            return False
-        return bool(values[turned].min() < values[~turned].min())
+        return self._distance(exchanged) > RADIUS * float(np.sqrt(len(exchanged)))
 
     def _proposal(self) -> Array:
         """Minimiser (d,) of the surrogate's mean in the trust region, or a sample instead."""
@@ -254,19 +284,8 @@ class AssistedCmaEs:
 
     def _samples(self, n: int) -> Array:
         """Draw (n, d) possible designs."""
-        found: list[Array] = []
-        reason = None
-        for _ in range(REDRAWS * n):
-            z = self._distribution.sample(1)[0]
-            reason = self._problem.impossible(self._problem.to_x(z))
-            if reason is None:
-                found.append(z)
-                if len(found) == n:
-                    return np.array(found)
-        raise SimulationError(
-            f"{REDRAWS * n} designs drawn gave {len(found)} possible ones, the last failed because "
-            f"{reason}; widen the bounds or start from another design"
-        )
+        draws = (self._distribution.sample(1)[0] for _ in count())
+        return np.array([self._problem.possible(draws) for _ in range(n)])
 
     def _take(self, place: int, *, awaited: bool) -> None:
         self._open.remove(place)
@@ -274,8 +293,7 @@ class AssistedCmaEs:
 
     def _pick(self, *, awaited: bool) -> None:
         """Plan one more run of this generation, if the budget allows."""
-        affordable = self._budget - self._spent.sum() >= self._rungs[self._level].cost
-        if not self._open or not affordable:
+        if not (self._open and self._affordable):
             return
         taken = [place for place in range(self._size) if place not in self._open]
         (place,) = thompson(self._draws(self._level, 1), taken, 1)
@@ -302,6 +320,9 @@ class AssistedCmaEs:
         if self._belief is None:
             self._close_untaught()
             return
+        if not len(self._pool):  # that was the last run
+            self._next_generation("")
+            return
         weights = self._weights(self._level)
         if not first and certainty(weights) < DECIDED:
             self._pick(awaited=True)
@@ -322,35 +343,31 @@ class AssistedCmaEs:
         certain_above = 1.0
         if above < len(self._rungs) and len(self._archive.values_at(above)):
             certain_above = certainty(self._weights(above))
-        self._insight = self._look_back(certain)
         self._distribution.update(self._pool, -weights)
         self._learn()
+        runs, number = self._size - len(self._open), self._number
         self._next_generation(self._move(certain, certain_above))
+        self._insight = self._look_back(number, certain, runs)
 
     def _next_generation(self, why: str) -> None:
         self._number += 1
         self._why = why
         self._open_generation()
 
-    def _look_back(self, certain: float) -> Insight | None:
-        z = self._recommended()
-        if z is None or self._belief is None:
-            return None
-        u = self._distribution.to_u(z[None, :])
-        mean, variance = self._belief.posterior.predict(u, self._level)
+    def _look_back(self, number: int, certain: float, runs: int) -> Insight:
+        """What generation `number` taught, of the design that is recommended after it."""
+        assert self._belief is not None
+        z, level = self._recommended(), self._level_recommended
+        assert z is not None
+        mean, variance = self._belief.posterior.predict(self._distribution.to_u(z[None, :]), level)
         return Insight(
-            self._number, certain, self._size - len(self._open),
-            self._rungs[self._level].level, tuple(map(float, self._problem.to_x(z))),
-            float(mean[0]), float(np.sqrt(variance[0])),
+            number, certain, runs, self._rungs[level].level,
+            tuple(map(float, self._problem.to_x(z))), float(mean[0]), float(np.sqrt(variance[0])),
         )  # fmt: skip
 
     def _move(self, certain: float, certain_above: float) -> str:
         """Change the level or start anew where it is due; why, in words."""
-        if (
-            self._turned is not None
-            and self._exchange_pays()
-            and self._distance(self._turned) > (RADIUS * np.sqrt(len(self._turned)))
-        ):
+        if self._turned is not None and self._exchange_pays(self._turned):
             self._restarts += 1
             self._begin_at(self._turned, WIDTH_OF_RESTART * self._sigma)
             return f"{' and '.join(self._exchange or ())} exchanged"
@@ -396,10 +413,20 @@ class AssistedCmaEs:
     def _distance(self, z: Array) -> float:
         return float(np.linalg.norm(self._distribution.to_u(z[None, :])[0]))
 
+    @property
+    def _level_recommended(self) -> int:
+        """The level that the recommendation is for: the one worked at, in the end the target."""
+        return self._level if self._stop is None else len(self._rungs) - 1
+
     def _recommended(self) -> Array | None:
-        """The design of lowest posterior mean at the working level, doubt counted against it."""
+        """The design of lowest posterior mean, doubt counted against it.
+
+        In the end one that was run at the target level, if there is any.
+        """
+        level = self._level_recommended
         if self._belief is not None:
-            return np.asarray(self._belief.z[self._belief.best(self._level, 2 * self._size)])
+            run = self._archive.designs_at(level) if self._stop is not None else None
+            return self._belief.best(level, 2 * self._size, run)
         if self._archive.finished == 0:
             return None
         return np.asarray(self._archive.z[int(np.argmin(self._archive.value))])

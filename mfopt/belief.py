@@ -26,18 +26,22 @@ class Belief:
     u: Array  # (n, d) the same in the distribution's coordinates
     runs_at_fit: int  # runs in the archive when the hyperparameters were learnt
 
-    def nearby(self, fewest: int) -> IntArray:
-        """Rows in the neighbourhood of the mean, at least the `fewest` nearest."""
-        away = np.linalg.norm(self.u, axis=1)
-        last = np.sort(away)[min(len(away), fewest) - 1]
-        reach = max(NEARBY * np.sqrt(self.u.shape[1]), last)
-        return np.flatnonzero(away <= reach)
+    def best(self, level: int, fewest: int, among: Array | None = None) -> Array:
+        """The nearby design (d,) that is best at a level, doubt counted against it.
 
-    def best(self, level: int, fewest: int) -> int:
-        """Row of the nearby design that is best at a level, doubt counted against it."""
-        near = self.nearby(fewest)
+        Args:
+            fewest: so many of the nearest count as nearby, however far they are.
+            among: designs (m, d) to choose from, as far as the surrogate knows them.
+        """
+        rows = np.arange(len(self.z))
+        if among is not None:
+            known = (self.z[:, None, :] == among).all(axis=2).any(axis=1)
+            rows = rows[known] if known.any() else rows
+        away = np.linalg.norm(self.u[rows], axis=1)
+        last = np.sort(away)[min(len(away), fewest) - 1]
+        near = rows[away <= max(NEARBY * np.sqrt(self.u.shape[1]), last)]
         mean, variance = self.posterior.latent(self.u[near], level)
-        return int(near[np.argmin(mean + np.sqrt(variance))])
+        return np.asarray(self.z[near[np.argmin(mean + np.sqrt(variance))]])
 
 
 def learn(
@@ -61,21 +65,20 @@ def learn(
     """
     u = distribution.to_u(archive.z)
     rows = _nearest(archive, u, working, lowest)
-    if np.isfinite(archive.value[rows]).sum() < FEWEST:
+    finished = rows[np.isfinite(archive.value[rows])]
+    if len(finished) < FEWEST:
         return None
     observations = Observations(
-        u[rows], archive.level[rows], archive.value[rows],
-        np.where(np.isfinite(archive.value[rows])[:, None], archive.counts[rows], 0.0),
-    )  # fmt: skip
-    start = _start(before, observations)
-    due = before is None or len(archive) >= REFIT_GROWTH * before.runs_at_fit + 1
-    refit = start is None or due
-    finished = rows[np.isfinite(archive.value[rows])]
+        u[rows], archive.level[rows], archive.value[rows], archive.counts[rows]
+    )
+    start, at_fit = _start(before, archive.level[finished]), 0
+    if before is not None and start is not None:
+        at_fit = before.runs_at_fit
+    refit = len(archive) >= REFIT_GROWTH * at_fit + 1
+    posterior = surrogate.fit(observations, start, refit)
     _, first = np.unique(archive.z[finished], axis=0, return_index=True)
     distinct = finished[np.sort(first)]
-    at_fit = len(archive) if refit or before is None else before.runs_at_fit
-    posterior = surrogate.fit(observations, start, refit)
-    return Belief(posterior, archive.z[distinct], u[distinct], at_fit)
+    return Belief(posterior, archive.z[distinct], u[distinct], len(archive) if refit else at_fit)
 
 
 def _nearest(archive: Archive, u: Array, working: int, lowest: int) -> IntArray:
@@ -91,10 +94,9 @@ def _nearest(archive: Archive, u: Array, working: int, lowest: int) -> IntArray:
     return np.sort(np.array(rows, dtype=np.int64))
 
 
-def _start(before: Belief | None, observations: Observations) -> Hyperparameters | None:
-    """Hyperparameters to begin with, if they fit the levels that there are."""
+def _start(before: Belief | None, level: IntArray) -> Hyperparameters | None:
+    """Hyperparameters to begin with, if they fit the levels of the finished runs."""
     if before is None:
         return None
     start = before.posterior.hyperparameters
-    present = np.unique(observations.level[np.isfinite(observations.value)])
-    return start if start.levels == tuple(present.tolist()) else None
+    return start if start.levels == tuple(np.unique(level).tolist()) else None

@@ -202,17 +202,17 @@ def _display(study: Study, parts: Assembled, search: Search, console: Console) -
 
 
 def _header(study: Study, parts: Assembled, workers: int) -> dict[str, Any]:
-    its = header(
+    return header(
         parts.problem,
         parts.ladder,
         name=study.study.name,
         seed=study.study.seed,
+        method=study.search.method,
         objective=study.problem.objective,
         workers=workers,
         levels=parts.described,
         versions=parts.versions,
     )
-    return its | {"method": study.search.method}
 
 
 @_command
@@ -412,7 +412,7 @@ def _planned_runs(study: Study, parts: Assembled) -> dict[str, str]:
     stages = study.search.stages(study.problem.objective)
     planned = {}
     for name in parts.ladder.names:
-        search = sum(s.generations * s.population_size for s in stages if s.level == name)
+        search = sum(s.runs for s in stages if s.level == name)
         confirm = 2 * study.confirm.seeds if name == parts.ladder.top.name else 0
         if stages:
             planned[name] = str(search + confirm)
@@ -433,7 +433,7 @@ def _spending(study: Study, parts: Assembled, full_run: float) -> str:
     else:
         how = "as planned"
         stages = its.stages(study.problem.objective)
-        runs = ((parts.ladder[s.level], s.generations * s.population_size) for s in stages)
+        runs = ((parts.ladder[s.level], s.runs) for s in stages)
         spent = sum(level.work(x) * n for level, n in runs) / full_run
     return (
         f"The search may spend {spent:.3g} full runs, {how}; confirmation and reference "

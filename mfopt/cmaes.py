@@ -12,13 +12,14 @@ Source: Hansen, arXiv:1604.00772; the paper's section 3.5 for the procedure.
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import chain, count
 from typing import Any
 
 import cma
 import numpy as np
 
 from mfopt.arrays import Array, frozen
-from mfopt.errors import ConfigError, SimulationError
+from mfopt.errors import ConfigError
 from mfopt.evaluation import Candidate, Generation, Insight
 from mfopt.noise_share import NoiseShare, belief, believed_values
 from mfopt.problem import Problem
@@ -26,7 +27,6 @@ from mfopt.reevaluation import EliteDoubt, NoReplicates, Reevaluation, Uncertain
 from mfopt.search import Stage
 from mfopt.swap import Pair, check_pair, swapped, wrong_way
 
-REDRAWS = 1000  # draws for one possible design before giving up
 EXCHANGE_AFTER = 10  # generations in the suspected minimum; the paper waited 25 by hand
 EXCHANGE_SHARE = 0.9  # share of candidates in it; the paper saw 98.7 %
 TOLERANCE_X = 1e-3  # unit cube: finer than a workshop can make
@@ -285,16 +285,8 @@ class CmaEs:
 
     def _possible(self, z: Array) -> Array:
         """The draw `z` itself if that design can be built, else the first new one that can."""
-        reason = self._problem.impossible(self._problem.to_x(z))
-        for _ in range(REDRAWS):
-            if reason is None:
-                return z
-            z = np.asarray(self._es.ask(1)[0])
-            reason = self._problem.impossible(self._problem.to_x(z))
-        raise SimulationError(
-            f"{REDRAWS} designs drawn in a row are impossible, the last because {reason}; "
-            "widen the bounds or start from another design"
-        )
+        redraws = (np.asarray(self._es.ask(1)[0]) for _ in count())
+        return self._problem.possible(chain([z], redraws))
 
     def _watch_exchange(self, candidates: Sequence[Candidate]) -> None:
         if self._exchange is None:

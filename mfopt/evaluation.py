@@ -6,6 +6,8 @@ from typing import Literal
 from mfopt.arrays import Array
 from mfopt.outcome import Outcome
 
+HALF_WIDTH = 1.96  # standard deviations on either side: 95 % of a normal distribution
+
 Purpose = Literal[
     "search", "confirm best", "confirm baseline", "reference best", "reference baseline"
 ]
@@ -66,3 +68,9 @@ class Insight:
     best: tuple[float, ...]  # (d,) recommended design, physical units
     mean: float  # its noise-free objective, as believed
     deviation: float  # standard deviation of that belief
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Bounds that hold the noise-free objective with 95 % probability, as believed."""
+        half = HALF_WIDTH * self.deviation
+        return self.mean - half, self.mean + half

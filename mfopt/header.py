@@ -10,7 +10,7 @@ from typing import Any
 from mfopt.level import Ladder
 from mfopt.problem import Problem
 
-PACKAGES = ("numpy", "scipy", "cma", "h5py")
+PACKAGES = ("numpy", "scipy", "cma", "h5py", "torch", "gpytorch")
 
 
 def header(
@@ -19,6 +19,7 @@ def header(
     *,
     name: str,
     seed: int,
+    method: str,
     objective: str,
     workers: int,
     levels: Sequence[Mapping[str, Any]] = (),
@@ -27,6 +28,7 @@ def header(
     """Describe a run before it starts, in what JSON can hold.
 
     Args:
+        method: of the search: "assisted" or "cma-es".
         levels: per level, what a report should say of it: `engine`, `grains`, ...
         versions: of the simulators behind the levels.
     """
@@ -36,6 +38,7 @@ def header(
         "study": name,
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "seed": seed,
+        "method": method,
         "versions": {
             "python": platform.python_version(),
             **{package: metadata.version(package) for package in PACKAGES},

@@ -1,13 +1,16 @@
 """The design problem: variables with units and bounds, and what makes a design impossible."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 
 from mfopt.arrays import Array, frozen
-from mfopt.errors import ConfigError
+from mfopt.errors import ConfigError, SimulationError
+
+REDRAWS = 1000  # draws for one possible design before giving up
 
 Constraint = Callable[[Array], str | None]  # (d,) -> why the design is impossible, or None
 
@@ -94,6 +97,22 @@ class Problem:
     def impossible(self, x: Array) -> str | None:
         """Why the design `x` (d,) can never be built, or None."""
         return None if self.constraint is None else self.constraint(x)
+
+    def possible(self, draws: Iterable[Array]) -> Array:
+        """The first of the designs (d,) drawn in the unit cube that can be built.
+
+        Raises:
+            SimulationError: if a thousand in a row cannot.
+        """
+        reason: str | None = None
+        for z in islice(draws, REDRAWS):
+            reason = self.impossible(self.to_x(z))
+            if reason is None:
+                return z
+        raise SimulationError(
+            f"{REDRAWS} designs drawn in a row are impossible, the last because {reason}; "
+            "widen the bounds or start from another design"
+        )
 
     def named(self, x: Array) -> Mapping[str, float]:
         """The design `x` (d,) by variable name."""

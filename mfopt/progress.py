@@ -12,8 +12,6 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from mfopt.evaluation import Candidate, Insight
 from mfopt.run import Progress as RunProgress
 
-HALF_WIDTH = 1.96  # standard deviations on either side: 95 % of a normal distribution
-
 
 class ProgressDisplay:
     """Shows how far a run has come: a bar on a terminal, a line per generation elsewhere.
@@ -104,7 +102,8 @@ class ProgressDisplay:
         its = self._insight()
         if its is None:
             return f"best {best:.4g}{self._unit}"
-        half = HALF_WIDTH * its.deviation
+        low, high = its.interval
+        half = (high - low) / 2.0
         return f"best {its.mean:.4g} \u00b1 {half:.2g}{self._unit} (estimated for {its.level})"
 
     def cpu(self) -> tuple[float, float]:

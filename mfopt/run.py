@@ -120,7 +120,7 @@ def _search(
     while a slow run ends.
     """
     made: list[Evaluation] = []
-    out: deque[tuple[Candidate, Objective]] = deque()
+    out: deque[Candidate] = deque()
     arrived: dict[int, Evaluation] = {}
     objectives: dict[int, Objective] = {}
     while True:
@@ -131,9 +131,8 @@ def _search(
                 break
             memory.run.add_generation(generation)
             for candidate in candidates:
-                objective = objective_named(generation.objective)
-                out.append((candidate, objective))
-                objectives[candidate.index] = objective
+                out.append(candidate)
+                objectives[candidate.index] = objective_named(generation.objective)
                 if (found := memory.recall(candidate)) is not None:
                     arrived[candidate.index] = found
                     watch(Progress(found, search.work_left, replayed=True))
@@ -141,7 +140,7 @@ def _search(
                     runner.submit(ladder, candidate)
         if not out:
             return made
-        candidate, objective = out.popleft()
+        candidate = out.popleft()
         while candidate.index not in arrived:
             other, outcome = runner.next()
             new = Evaluation(other, outcome, value(objectives[other.index], outcome))
@@ -149,7 +148,8 @@ def _search(
             arrived[other.index] = new
             watch(Progress(new, search.work_left, replayed=False))
         evaluation = arrived.pop(candidate.index)
-        search.tell([candidate], [evaluation.objective], counts(objective, [evaluation.outcome]))
+        terms = counts(objectives[candidate.index], [evaluation.outcome])
+        search.tell([candidate], [evaluation.objective], terms)
         if search.insight is not None:
             memory.run.add_insight(search.insight)
         made.append(evaluation)

@@ -97,6 +97,11 @@ class Stage:
         return self.generations * self.population_size
 
 
+def default_population_size(d: int) -> int:
+    """Candidates per generation in `d` variables (Hansen, arXiv:1604.00772, eq. 48)."""
+    return 4 + int(3.0 * math.log(d))
+
+
 CHEAPEST = 1.0 / 512.0  # of a target run; below it the search's own work is what costs
 
 

@@ -10,7 +10,6 @@ from mfopt.store import RunDirectory
 from reports.reference import repeated
 from reports.result import Result, result
 from reports.rows import Row, read_rows
-from reports.statistics import believed_interval
 
 
 def found_in(run: RunDirectory) -> tuple[tuple[Row, ...], Result | None]:
@@ -36,7 +35,7 @@ def answer(run: RunDirectory) -> dict[str, Any]:
         its["objective"] = _finite(found.found.value)
         its["design"] = dict(zip(names, map(float, found.x), strict=True))
         if found.belief is not None:
-            low, high = believed_interval(found.belief)
+            low, high = found.belief.interval
             its["believed"] = {
                 "objective": found.belief.mean, "low": low, "high": high,
                 "level": found.belief.level, "generation": found.belief.generation,

@@ -19,7 +19,7 @@ from reports.charts import (
     styled,
 )  # fmt: skip
 from reports.course import Course, ranking, restart_places
-from reports.statistics import Comparison, believed_interval, median_interval
+from reports.statistics import Comparison, median_interval
 from reports.units import Display, number
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ def _belief(axis: "Axes", its: Course, shown: Display, confirmed: Comparison | N
         own = [(look.ended, look.insight) for look in group if look.insight is not None]
         ended = np.array([e for e, _ in own])
         mean = np.array([i.mean for _, i in own]) * shown.factor
-        low, high = np.array([believed_interval(i) for _, i in own]).T * shown.factor
+        low, high = np.array([i.interval for _, i in own]).T * shown.factor
         if len(own) == 1:
             axis.errorbar(ended, mean, [mean - low, high - mean], color=BLUE, lw=1.2, capsize=2)
         axis.fill_between(ended, low, high, color=BLUE, alpha=0.18, lw=0)

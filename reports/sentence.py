@@ -9,7 +9,7 @@ import numpy as np
 from mfopt.evaluation import Insight
 from reports.result import Result
 from reports.rows import Row
-from reports.statistics import Comparison, Interval, believed_interval
+from reports.statistics import Comparison, Interval
 from reports.units import Display, display, number
 
 
@@ -86,7 +86,7 @@ def _unconfirmed(result: Result, name: str, shown: Display, *, so_far: str) -> s
 
 def believed(belief: Insight, shown: Display) -> str:
     """What a search believes of a design, with its interval in words."""
-    low, high = believed_interval(belief)
+    low, high = belief.interval
     return f"{shown.full(belief.mean)} ({shown.text(low)} to {shown.full(high)})"
 
 

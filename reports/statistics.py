@@ -6,11 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mfopt.arrays import Array
-from mfopt.evaluation import Insight
 
 CONFIDENCE = 0.95  # wanted coverage; five seeds reach 0.9375 at most
-
-HALF_WIDTH = 1.96  # standard deviations on either side: 95 % of a normal distribution
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,12 +43,6 @@ def median_interval(values: Array, confidence: float = CONFIDENCE) -> Interval |
         k += 1
     ordered = np.sort(values)
     return Interval(float(ordered[k - 1]), float(ordered[n - k]), coverage(n, k))
-
-
-def believed_interval(belief: Insight) -> tuple[float, float]:
-    """Bounds of what a search believes of the noise-free objective, with 95 % probability."""
-    half = HALF_WIDTH * belief.deviation
-    return belief.mean - half, belief.mean + half
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,7 +11,7 @@ from reports.campaign import Stage
 from reports.result import Result
 from reports.rows import Row
 from reports.sentence import at_bounds, interval_text, objective_name
-from reports.statistics import Comparison, believed_interval, median_interval
+from reports.statistics import Comparison, median_interval
 from reports.units import MISSING, Display, design_display, display, number
 
 PERCENT = Display(1.0, "%")
@@ -100,7 +100,7 @@ def belief_lines(result: Result, shown: Display) -> list[list[str]]:
     """What the search believed of the best design, and what fresh seeds say: level, interval."""
     lines = []
     if (its := result.belief) is not None:
-        low, high = believed_interval(its)
+        low, high = its.interval
         interval = f"{shown.text(low)} to {shown.text(high)}"
         lines.append(["estimated by the search", its.level, shown.text(its.mean), interval])
     if lines and (seen := result.objective) is not None:

@@ -14,7 +14,7 @@ from benchmarks.search.case import Array, Case, Meter, Spent, Trace
 from mfopt.assisted import AssistedCmaEs
 from mfopt.cmaes import CmaEs
 from mfopt.problem import Problem, Variable
-from mfopt.search import Reevaluate, Rung, Search, Stage
+from mfopt.search import Reevaluate, Rung, Search, Stage, default_population_size
 from surrogates.autoregressive import AutoregressiveGp
 
 Build = Callable[[Case, float, int], Search]
@@ -54,7 +54,7 @@ def run_search(build: Build, case: Case, budget: float, seed: int) -> Trace:
 
 def planned_cmaes(case: Case, budget: float, seed: int, reevaluate: Reevaluate = "none") -> CmaEs:
     """`mfopt.CmaEs`, its generations planned by the same shares of the budget on each level."""
-    size = 4 + int(3 * np.log(case.dimension))
+    size = default_population_size(case.dimension)
     share = budget / len(case.levels)
     stages = [
         Stage(name, max(1, int(share / cost / size)), size, case.sigma0, reevaluate=reevaluate)
