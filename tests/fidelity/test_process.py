@@ -148,9 +148,10 @@ def test_thread_that_started_the_child_may_end(tmp_path: Path) -> None:
 
 
 CALLER = """
-import sys
+import signal, sys
 from pathlib import Path
 from fidelity.process import run_logged
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background ignores it
 run_logged(["sh", "-c", sys.argv[2]], directory=Path(sys.argv[1]), time_limit_s=600.0)
 """
 
