@@ -414,6 +414,15 @@ class AssistedCmaEs:
         return float(np.linalg.norm(self._distribution.to_u(z[None, :])[0]))
 
     @property
+    def _centre(self) -> Array:
+        """Mean (d,) of the distribution; the nearest run to it if that cannot be built."""
+        mean = self._distribution.mean
+        if self._problem.impossible(self._problem.to_x(mean)) is None:
+            return mean
+        away = np.linalg.norm(self._distribution.to_u(self._archive.z), axis=1)
+        return np.asarray(self._archive.z[int(np.argmin(away))])
+
+    @property
     def _level_recommended(self) -> int:
         """The level that the recommendation is for: the one worked at, in the end the target."""
         return self._level if self._stop is None else len(self._rungs) - 1
@@ -426,7 +435,7 @@ class AssistedCmaEs:
         level = self._level_recommended
         if self._belief is not None:
             run = self._archive.designs_at(level) if self._stop is not None else None
-            return self._belief.best(level, 2 * self._size, run)
+            return self._belief.best(level, 2 * self._size, self._centre, run)
         if self._archive.finished == 0:
             return None
         return np.asarray(self._archive.z[int(np.argmin(self._archive.value))])

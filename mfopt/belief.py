@@ -26,22 +26,23 @@ class Belief:
     u: Array  # (n, d) the same in the distribution's coordinates
     runs_at_fit: int  # runs in the archive when the hyperparameters were learnt
 
-    def best(self, level: int, fewest: int, among: Array | None = None) -> Array:
+    def best(self, level: int, fewest: int, centre: Array, among: Array | None = None) -> Array:
         """The nearby design (d,) that is best at a level, doubt counted against it.
 
         Args:
             fewest: so many of the nearest count as nearby, however far they are.
-            among: designs (m, d) to choose from, as far as the surrogate knows them.
+            centre: mean (d,) of the distribution; under noise it is better than any one run.
+            among: designs (m, d) to choose from, as far as they are known here.
         """
-        rows = np.arange(len(self.z))
+        z, u = np.vstack([self.z, centre]), np.vstack([self.u, np.zeros(self.u.shape[1])])
         if among is not None:
-            known = (self.z[:, None, :] == among).all(axis=2).any(axis=1)
-            rows = rows[known] if known.any() else rows
-        away = np.linalg.norm(self.u[rows], axis=1)
+            known = (z[:, None, :] == among).all(axis=2).any(axis=1)
+            z, u = (z[known], u[known]) if known.any() else (z, u)
+        away = np.linalg.norm(u, axis=1)
         last = np.sort(away)[min(len(away), fewest) - 1]
-        near = rows[away <= max(NEARBY * np.sqrt(self.u.shape[1]), last)]
-        mean, variance = self.posterior.latent(self.u[near], level)
-        return np.asarray(self.z[near[np.argmin(mean + np.sqrt(variance))]])
+        near = np.flatnonzero(away <= max(NEARBY * np.sqrt(u.shape[1]), last))
+        mean, variance = self.posterior.latent(u[near], level)
+        return np.asarray(z[near[np.argmin(mean + np.sqrt(variance))]])
 
 
 def learn(

@@ -102,7 +102,7 @@ class Process:
         """Posterior mean (m,)."""
         p = self.position(level)
         cross = self._cross(self.scaling.inputs(z), p)
-        result: Array = self.scaling.centre[p] + self.scaling.scale[p] * (cross @ self.alpha)
+        result: Array = self.scaling.centre[p] + self.scaling.scale * (cross @ self.alpha)
         return result
 
     def mean_variance(self, z: Array, level: int) -> tuple[Array, Array]:
@@ -114,7 +114,7 @@ class Process:
             prior += table[k, p] ** 2 * component_diagonal(x, self.hyperparameters, k)
         half = solve_triangular(self.cholesky, cross.T, lower=True, check_finite=False)
         variance = np.maximum(prior - (half**2).sum(axis=0), 1e-12 * prior)
-        centre, scale = self.scaling.centre[p], self.scaling.scale[p]
+        centre, scale = self.scaling.centre[p], self.scaling.scale
         return centre + scale * (cross @ self.alpha), scale**2 * variance
 
     def mean_covariance(self, z: Array, level: int) -> tuple[Array, Array]:
@@ -125,7 +125,7 @@ class Process:
         for k in range(p + 1):
             prior += table[k, p] ** 2 * component(x, x, self.hyperparameters, k)
         half = solve_triangular(self.cholesky, cross.T, lower=True, check_finite=False)
-        centre, scale = self.scaling.centre[p], self.scaling.scale[p]
+        centre, scale = self.scaling.centre[p], self.scaling.scale
         return centre + scale * (cross @ self.alpha), scale**2 * (prior - half.T @ half)
 
     def mean_gradient(self, z: Array, level: int) -> tuple[Array, Array]:
@@ -148,7 +148,7 @@ class Process:
             bent = v @ (other**2 - 1.0)
             mean += h.separable_variances[k] / d * (x @ (v @ other) + (x**2 - 1.0) @ bent / 2.0)
             gradient += h.separable_variances[k] / d * (v @ other + x * bent)
-        centre, scale = self.scaling.centre[p], self.scaling.scale[p]
+        centre, scale = self.scaling.centre[p], self.scaling.scale
         return centre + scale * mean, scale * gradient / self.scaling.z_scale
 
     def sample(self, z: Array, level: int, draws: int, rng: np.random.Generator) -> Array:
@@ -162,18 +162,18 @@ class Process:
             self.cholesky, np.eye(len(self.y)), lower=True, check_finite=False
         )
         precision = (inverse_factor**2).sum(axis=0)
-        centre, scale = self.scaling.centre[self.rows.index], self.scaling.scale[self.rows.index]
+        centre, scale = self.scaling.centre[self.rows.index], self.scaling.scale
         return centre + scale * (self.y - self.alpha / precision), scale**2 / precision
 
     def noise_variance(self, level: int) -> float:
         """Noise variance of one run."""
         p = self.position(level)
-        return float(self.hyperparameters.noise_variances[p] * self.scaling.scale[p] ** 2)
+        return float(self.hyperparameters.noise_variances[p] * self.scaling.scale**2)
 
     @property
     def observed(self) -> Array:
         """Transformed means (n,) of the rows' runs."""
-        centre, scale = self.scaling.centre[self.rows.index], self.scaling.scale[self.rows.index]
+        centre, scale = self.scaling.centre[self.rows.index], self.scaling.scale
         return centre + scale * self.y
 
 

@@ -51,10 +51,15 @@ class LevelsPosterior:
     warp: Warp  # of the whole objective
 
     def predict(self, z: Array, level: int) -> tuple[Array, Array]:
-        """Mean (m,) and variance (m,) of the noise-free objective at `z` (m, d)."""
+        """Mean (m,) and variance (m,) of the noise-free objective at `z` (m, d).
+
+        No count is expected to exceed the largest that was seen: the inverse of its transform
+        grows exponentially, so that a vague prediction would have no meaning.
+        """
         mean, variance = self.main.warp.moments(*self.main.mean_variance(z, level))
         for count in self.counts:
-            more, wider = count.warp.moments(*count.mean_variance(z, level), floor=0.0)
+            highest = float(count.rows.value.max())
+            more, wider = count.warp.moments(*count.mean_variance(z, level), 0.0, highest)
             mean, variance = mean + more, variance + wider
         if self.failures is None:
             return mean, variance

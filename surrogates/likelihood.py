@@ -24,7 +24,7 @@ class Data:
     value: torch.Tensor  # (runs,) objective
     warp: Warp
     centre: torch.Tensor  # (runs,)
-    scale: torch.Tensor  # (runs,)
+    scale: float
 
     def outputs(self, compression: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """Standardised outputs (runs,) and the log of the transform's slope, summed.
@@ -50,7 +50,7 @@ def data_of(rows: Rows, scaling: Scaling, warp: Warp) -> Data:
         value=torch.from_numpy(np.array(rows.value)),
         warp=warp,
         centre=torch.from_numpy(scaling.centre[level]),
-        scale=torch.from_numpy(scaling.scale[level]),
+        scale=scaling.scale,
     )
 
 

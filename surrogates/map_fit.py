@@ -52,7 +52,7 @@ VARIANCE = _log_prior(0.3, 2.0)
 DIFFERENCE_VARIANCE = _log_prior(0.1, 2.0)  # a level differs from the one below by less
 OFFSET = _log_prior(1.0, 1.0, 4.0)
 NOISE = Prior(math.log(1e-2), 3.0, math.log(1e-2), math.log(1e-8), math.log(10.0))
-RHO = Prior(0.0, 0.5, 0.7, -3.0, 3.0)  # in deviations of the levels: about a correlation
+RHO = Prior(1.0, 0.5, 1.0, -3.0, 3.0)  # as the level below; unrelated at two deviations
 COMPRESSION = Prior(0.0, 3.0, 0.0, -2.0, 12.0)
 ROUGHER_SIGNAL = 3.0  # more Matern variance at the rougher start
 

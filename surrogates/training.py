@@ -7,7 +7,6 @@ import numpy as np
 from mfopt.arrays import Array, IntArray
 from surrogates.warp import Warp
 
-FEWEST_FOR_SCALE = 4  # a level with fewer points takes the scale of the level below it
 SMALLEST_SCALE = 1e-9  # relative; constant values get this spread
 
 
@@ -30,12 +29,12 @@ class Rows:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scaling:
-    """Standardisation: x = (z - z_mean) / z_scale, y = (T(f) - centre) / scale by level."""
+    """Standardisation: x = (z - z_mean) / z_scale, y = (T(f) - centre of the level) / scale."""
 
     z_mean: Array  # (d,)
     z_scale: Array  # (d,)
     centre: Array  # (levels,)
-    scale: Array  # (levels,)
+    scale: float  # one for all levels, so that a rho of 1 means "the same, but for a difference"
 
     def inputs(self, z: Array) -> Array:
         """Standardised inputs."""
@@ -95,24 +94,20 @@ def group_means(rows: Rows, values: Array) -> Array:
 
 
 def scaling_of(rows: Rows, warp: Warp) -> Scaling:
-    """Standardise inputs over all rows, outputs by level."""
+    """Standardise inputs over all rows, outputs around the mean of their level."""
     z_scale = rows.z.std(axis=0)
     z_scale[z_scale <= 1e-12 * (1.0 + np.abs(rows.z).max(axis=0))] = 1.0
     y = group_means(rows, warp.forward(rows.value))
     smallest = SMALLEST_SCALE * max(1.0, float(np.abs(y).max()))
-    last = max(float(y.std()) or float(warp.forward(rows.value).std()), smallest)
-    centre, scale = np.empty(len(rows.levels)), np.empty(len(rows.levels))
-    for k in range(len(rows.levels)):
-        own = y[rows.index == k]
-        centre[k] = own.mean()
-        if len(own) >= FEWEST_FOR_SCALE and own.std() > smallest:
-            last = float(own.std())
-        scale[k] = last
+    levels = range(len(rows.levels))
+    centre = np.array([y[rows.index == k].mean() for k in levels])
+    within = float((y - centre[rows.index]).std())
+    scale = max(within or float(y.std()) or float(warp.forward(rows.value).std()), smallest)
     return Scaling(rows.z.mean(axis=0), z_scale, centre, scale)
 
 
 def outputs(rows: Rows, warp: Warp, scaling: Scaling) -> Array:
     """Standardised outputs (n,)."""
     means = group_means(rows, warp.forward(rows.value))
-    result: Array = (means - scaling.centre[rows.index]) / scaling.scale[rows.index]
+    result: Array = (means - scaling.centre[rows.index]) / scaling.scale
     return result

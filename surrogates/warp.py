@@ -44,13 +44,15 @@ class Warp:
         above = np.clip((transformed - self.knot) / self.scale, 0.0, LARGEST_EXPONENT)
         return np.minimum(transformed, self.knot) + self.scale * np.expm1(above)
 
-    def moments(self, mean: Array, variance: Array, floor: float = -np.inf) -> tuple[Array, Array]:
-        """Mean and variance of max(floor, T^-1(y)) for y ~ N(mean, variance).
+    def moments(
+        self, mean: Array, variance: Array, lowest: float = -np.inf, highest: float = np.inf
+    ) -> tuple[Array, Array]:
+        """Mean and variance of T^-1(y), limited to [lowest, highest], for y ~ N(mean, variance).
 
         By Gauss-Hermite quadrature with 20 nodes.
         """
         y = mean[:, None] + np.sqrt(variance)[:, None] * NODES
-        values = np.maximum(self.inverse(y), floor)
+        values = np.clip(self.inverse(y), lowest, highest)
         first = values @ NODE_WEIGHTS
         return first, (values - first[:, None]) ** 2 @ NODE_WEIGHTS
 

@@ -6,6 +6,7 @@ from surrogate_cases import branin, rosenbrock, runs, sphere, waves, wing_weight
 
 from mfopt.arrays import Array
 from mfopt.errors import ConfigError
+from mfopt.prescreen import minimiser
 from mfopt.surrogate import Observations, Posterior, Surrogate
 from surrogates.autoregressive import AutoregressiveGp
 
@@ -29,6 +30,17 @@ def mixed(seed: int = 9) -> Observations:
     value = sphere(z) + 0.1 * rng.standard_normal(60) + counts.sum(axis=1)
     value[::9] = np.inf
     return runs(z, value, np.repeat([0, 2, 0], [35, 15, 10]), counts)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_five_runs_of_a_finer_level_correct_most_of_the_coarse_one(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    z = np.vstack([rng.standard_normal((25, 2)), 0.7 * rng.standard_normal((5, 2))])
+    level, moved = np.repeat([0, 1], [25, 5]), np.full(2, np.sqrt(0.5))  # by 1
+    value = np.where(level == 0, sphere(z), sphere(z - moved))
+    posterior = AutoregressiveGp().fit(runs(z, value, level))
+    found = minimiser(posterior, 1, z, radius=3.0)
+    assert np.linalg.norm(found - moved) < 0.3
 
 
 @pytest.mark.parametrize("make", SURROGATES)

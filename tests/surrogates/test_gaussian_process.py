@@ -43,7 +43,7 @@ def test_left_out_equals_conditioning_on_all_other_rows(process: Process) -> Non
         k = int(process.rows.index[i])
         level = process.rows.levels[k]
         m, v = rest.mean_variance(process.rows.z[i : i + 1], level)
-        v = v + noise[k] / process.rows.replicates[i] * process.scaling.scale[k] ** 2
+        v = v + noise[k] / process.rows.replicates[i] * process.scaling.scale**2
         np.testing.assert_allclose(mean[i], m[0], rtol=1e-6)
         np.testing.assert_allclose(variance[i], v[0], rtol=1e-6)
 

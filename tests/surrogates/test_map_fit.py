@@ -51,7 +51,7 @@ def test_replicates_have_the_likelihood_of_all_their_runs() -> None:
             g = table[k, level]
             covariance += g[:, None] * g * component(x, x, h, k)
         warp = WARP.compressed(h.compression)
-        y = (warp.forward(rows.value) - scaling.centre[level]) / scaling.scale[level]
+        y = (warp.forward(rows.value) - scaling.centre[level]) / scaling.scale
         slopes = np.log(warp.slope(rows.value)).sum()
         return float(multivariate_normal(np.zeros(len(y)), covariance).logpdf(y) + slopes)
 

@@ -15,17 +15,18 @@ def test_replicates_are_merged() -> None:
     np.testing.assert_array_equal(rows.starts, [0, 2])
 
 
-def test_each_level_is_standardised() -> None:
+def test_levels_are_centred_and_share_one_scale() -> None:
     rng = np.random.default_rng(2)
     z, level = rng.normal(3.0, 5.0, (40, 2)), np.repeat([0, 1], 20)
-    value = np.where(level == 0, 1.0, 1000.0) * rng.standard_normal(40)
+    value = np.where(level == 0, 1.0, 2.0) * rng.standard_normal(40) + 30.0 * level
     rows = rows_of(z, level, value)
     scaling = scaling_of(rows, IDENTITY)
     y = outputs(rows, IDENTITY, scaling)
-    for k in (0, 1):
-        own = rows.index == k
-        assert abs(y[own].mean()) < 1e-12
-        assert abs(y[own].std() - 1.0) < 1e-12
+    first, second = (y[rows.index == k] for k in (0, 1))
+    assert abs(first.mean()) < 1e-12
+    assert abs(second.mean()) < 1e-12
+    assert abs(y.std() - 1.0) < 1e-12
+    assert second.std() > 1.5 * first.std()
     np.testing.assert_allclose(scaling.inputs(z).std(axis=0), 1.0)
 
 
