@@ -5,7 +5,8 @@ distribution, proposes the minimiser of its mean in a trust region beside the CM
 candidates that are run are that minimiser, then those that joint posterior draws favour
 (Thompson sampling), until the ranking of the generation is decided. CMA-ES is told the weights
 that its candidates can expect over joint posterior draws, so that doubt moves it little. The
-level changes by itself (`mfopt.climbing`).
+level changes by itself (`mfopt.climbing`). The last run is that of the recommended design at the
+target level, if it had none there.
 
 Sources: Hansen, arXiv:1604.00772 (CMA-ES); Bajer et al., doi:10.1162/evco_a_00244 (doubly
 trained surrogate CMA-ES); Hansen, GECCO 2019, doi:10.1145/3321707.3321842 (lq-CMA-ES: injection

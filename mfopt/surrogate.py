@@ -73,7 +73,8 @@ class Hyperparameters:
     """What a fit has learnt; independent of the units of `z` and of the objective.
 
     Lengthscales are in standard deviations of the training inputs, variances in variances of the
-    level's transformed values, so a set of one fit is a good start for the next.
+    transformed values around the mean of their level, so a set of one fit is a good start for the
+    next.
 
     Args:
         levels: the levels that had data, ascending; row k of the arrays belongs to `levels[k]`.
@@ -83,7 +84,8 @@ class Hyperparameters:
         trend_offsets: (levels,) of the quadratic trend: large means more linear.
         separable_variances: (levels,) of the quadratic trend without products of inputs.
         noise_variances: (levels,) of one run.
-        rho: (levels,) scale from the level below to this one; `rho[0]` is 0.
+        rho: (levels,) scale from the level below to this one; 1: alike but for a difference.
+            `rho[0]` is 0.
         compression: logarithm of the transform's scale over its default.
         counts: the same for each soft-constraint term; None for one that was 0 everywhere.
         failure: the same for the share of failed runs; None where none failed.

@@ -75,6 +75,25 @@ def test_noise_is_averaged_out_by_the_surrogate() -> None:
     assert abs(search.insight.mean - sphere(best)) < 4.0 * search.insight.deviation + 0.5
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3, 4])
+def test_what_is_recommended_in_the_end_was_run_at_the_target_and_is_what_the_insight_says(
+    seed: int,
+) -> None:
+    rungs = [Rung("coarse", 1 / 20), Rung("fine", 1.0)]
+    search = AssistedCmaEs(problem(3), rungs, AutoregressiveGp(), budget=4.0, seed=seed)
+    fine = []
+    while search.should_stop() is None:
+        candidates = search.ask()
+        search.tell(candidates, [sphere(c.x + 0.1 * (c.level == "coarse")) for c in candidates])
+        fine += [c.x for c in candidates if c.level == "fine"]
+    best, insight = search.recommended(), search.insight
+    assert best is not None
+    assert insight is not None
+    assert any(np.array_equal(best, x) for x in fine)
+    assert insight.level == "fine"
+    np.testing.assert_array_equal(insight.best, best)
+
+
 @pytest.mark.parametrize("workers", [1, 4])
 def test_the_budget_is_never_exceeded_and_no_worker_waits(workers: int) -> None:
     rungs = [Rung("coarse", 0.3), Rung("fine", 1.0)]
