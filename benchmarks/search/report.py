@@ -46,8 +46,10 @@ REGIMES = (
     Regime("ladder: to CMA-ES on the full level, 10 %, unimodal", "ladder", (20,), ("pycma",), 20.0,
            "60", unimodal=True),
     Regime("ladder: to the best peer", "ladder", NOISY_TARGETS, None, 1.3, "2-3"),
-    Regime("useless or misleading level: to the full level alone", "bad", NOISY_TARGETS, ("pycma",),
-           1.0 / 1.2, "1"),
+    Regime("useless or misleading level: to CMA-ES on the full level", "bad", NOISY_TARGETS,
+           ("pycma",), 1.0 / 1.2, "1"),
+    Regime("useless or misleading level: to our own search on the full level", "bad", NOISY_TARGETS,
+           ("mfopt-target",), 1.0 / 1.2, "1"),
 )  # fmt: skip
 
 OWN = "mfopt"  # names of our own searches begin so
@@ -143,7 +145,7 @@ def _row(regime: Regime, s: Summary, ours: Sequence[Result]) -> str:
     instances = len({r.instance for r in ours})
     counted = f"{len(s.ratios)}, lost {len(s.lost)}, unreached {len(s.unreached)}"
     return (
-        f"| {regime.title} | {_times(s.median)} ({_times(s.low)} to {_times(s.high)}) "
+        f"| {regime.title} | {_times(s.median)}{_interval(s, instances)} "
         f"| {regime.at_least:.2g} | {regime.aim} | {counted}; {instances} instances |"
     )
 
@@ -155,8 +157,9 @@ def _by_peer(
     lines = ["| peer alone | median ratio | lost |", "|---|---|---|"]
     for name, rows in others.items():
         s = compare(ours, {name: rows}, regime.targets, cases=_cases(regime))
+        instances = max((r.instances for r in s.ratios), default=0)
         lines.append(
-            f"| {name} | {_times(s.median)} ({_times(s.low)} to {_times(s.high)}) "
+            f"| {name} | {_times(s.median)}{_interval(s, instances)} "
             f"| {len(s.lost)} of {len(s.ratios)} |"
         )
     return lines
@@ -184,7 +187,7 @@ def _lost(summary: Summary) -> list[str]:
 
 def _lost_row(r: Ratio) -> str:
     return (
-        f"| {r.case} | {share(r.target)} | {_times(r.ratio)} ({_times(r.low)} to {_times(r.high)}) "
+        f"| {r.case} | {share(r.target)} | {_times(r.ratio)}{_interval(r, r.instances)} "
         f"| {r.hits[0]}, {r.hits[1]} of {r.instances} | {r.other} |"
     )
 
@@ -200,6 +203,11 @@ def _cpu(directory: Path, search: str, kind: str) -> list[str]:
             longest = max(t.slowest_s for t in traces)
             lines.append(f"| {suite} | {median:.1f} s | {longest:.2f} s |")
     return lines
+
+
+def _interval(of: Summary | Ratio, instances: int) -> str:
+    """The interval in brackets; one instance has none."""
+    return f" ({_times(of.low)} to {_times(of.high)})" if instances > 1 else ""
 
 
 def _times(ratio: float) -> str:

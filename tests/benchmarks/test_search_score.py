@@ -108,5 +108,13 @@ def test_the_report_names_what_is_lost_and_what_was_not_run(tmp_path: Path) -> N
             append(result_file(tmp_path, "noise-free", peer, result.instance), result)
     text, summaries = report(tmp_path, "mfopt-x", "reported")
     assert "| bbob/f1/d10 | 10 % | 0.20 (0.20 to 0.20) | 3, 3 of 3 | pycma |" in text
-    assert text.count("not run") == 4
+    assert text.count("not run") == 5
     assert len(summaries) == 1
+
+
+def test_one_instance_gives_no_interval(tmp_path: Path) -> None:
+    for peer, cost in (("mfopt-x", 50), ("pycma", 10)):
+        (result,) = _results(peer, [_trace((cost, 85))])
+        append(result_file(tmp_path, "noise-free", peer, result.instance), result)
+    text, _ = report(tmp_path, "mfopt-x", "reported")
+    assert "| bbob/f1/d10 | 10 % | 0.20 | 1, 1 of 1 | pycma |" in text
