@@ -321,8 +321,11 @@ class AssistedCmaEs:
         if self._belief is None:
             self._close_untaught()
             return
-        if not len(self._pool):  # that was the last run
+        if not len(self._pool):  # that was the last run, with nothing to rank
+            number, before = self._number, self._insight
             self._next_generation("")
+            if before is not None:
+                self._insight = self._look_back(number, before.certainty, 1)
             return
         weights = self._weights(self._level)
         if not first and certainty(weights) < DECIDED:
