@@ -115,7 +115,18 @@ class Model(gpytorch.Module):  # type: ignore[misc]
                 torch.tensor(prior.mean, dtype=torch.float64),
                 torch.tensor(prior.deviation, dtype=torch.float64),
             )
-            self.get_submodule(owner).register_prior(f"{last}_prior", density, last)
+            of: Any = Model.noise_beyond_expected if name == "log_noise" else last
+            self.get_submodule(owner).register_prior(f"{last}_prior", density, of)
+
+    def noise_beyond_expected(self) -> torch.Tensor:
+        """Log noise (levels,), less what the level below lets expect of it.
+
+        That is halfway between the noise there and the prior mean: nothing is known of the noise
+        of a level with few runs but that of the others.
+        """
+        halfway = 0.5 * (self.log_noise[:-1] - NOISE.mean)
+        beyond: torch.Tensor = self.log_noise - torch.nn.functional.pad(halfway, (1, 0))
+        return beyond
 
     def covariance(self, data: Data) -> torch.Tensor:
         """Covariance (n, n) of the noise-free values of all rows."""
