@@ -181,20 +181,26 @@ class AssistedCmaEs:
         )  # fmt: skip
 
     @property
+    def _left(self) -> float:
+        """Budget that is neither spent nor planned for."""
+        planned = sum(self._rungs[level].cost for _, level, _ in self._planned)
+        return float(self._budget - self._spent.sum() - planned)
+
+    @property
     def _affordable(self) -> bool:
         """Whether the budget allows one more run at the working level, and the last one after it.
 
         The last run is that of the recommended design at the target level, if it lacks one.
         """
-        left = self._budget - self._spent.sum() - self._rungs[self._level].cost
-        return left >= 0.0 and (left >= self._rungs[-1].cost or not self._lacks_target_run)
+        after = self._left - self._rungs[self._level].cost
+        return after >= 0.0 and (after >= self._rungs[-1].cost or not self._lacks_target_run)
 
     @property
     def _lacks_target_run(self) -> bool:
         """Whether the recommended design has not been asked for at the target level."""
         best, target = self._recommended(), len(self._rungs) - 1
         if best is None:
-            return False
+            return self._level < target
         out = (z for z, level in self._waiting.values() if level == target)
         return not any((z == best).all() for z in (*self._archive.designs_at(target), *out))
 
@@ -218,22 +224,22 @@ class AssistedCmaEs:
             return
         if self._belief is None:
             self._pool = self._samples(self._size)
-            if self._number == 1:
-                self._planned.append((self._start, self._level, True))
             self._open: list[int] = []
-            self._planned += [(z, self._level, True) for z in self._pool]
+            for z in [self._start, *self._pool] if self._number == 1 else self._pool:
+                if self._affordable:
+                    self._planned.append((z, self._level, True))
             return
         self._plan_validation()
         self._plan_exchange()
         self._pool = np.vstack([self._proposal(), self._samples(self._size - 1)])
         self._open = list(range(self._size))
-        self._take(0, awaited=True)
+        if self._affordable:  # besides validation and exchange
+            self._take(0, awaited=True)
 
     def _finish(self) -> None:
         """Run the recommended design at the target level if it was not, then stop."""
         target, best = len(self._rungs) - 1, self._recommended()
-        left = self._budget - self._spent.sum()
-        if best is not None and self._lacks_target_run and left >= self._rungs[target].cost:
+        if best is not None and self._lacks_target_run and self._left >= self._rungs[target].cost:
             self._pool, self._open = self._pool[:0], []
             self._planned.append((best, target, True))
         else:
@@ -243,18 +249,20 @@ class AssistedCmaEs:
         above = self._level + 1
         if above == len(self._rungs):
             return
-        if validation_due(*self._since_validation, self._rungs[above].cost):
-            best = self._recommended()
-            if best is None:
-                return
-            self._since_validation = (0.0, 0)
-            if not len(self._archive.values_at(above)):
-                self._planned.append((self._start, above, True))
-            self._planned.append((best, above, True))
+        cost = self._rungs[above].cost
+        if not validation_due(*self._since_validation, cost):
+            return
+        best, first = self._recommended(), not len(self._archive.values_at(above))
+        if best is None or self._left < (2.0 if first else 1.0) * cost:
+            return
+        self._since_validation = (0.0, 0)
+        if first:
+            self._planned.append((self._start, above, True))
+        self._planned.append((best, above, True))
 
     def _plan_exchange(self) -> None:
         """Run the recommended design exchanged, once a level, where it is the wrong way round."""
-        if self._exchange is None or self._turned is not None:
+        if self._exchange is None or self._turned is not None or not self._affordable:
             return
         best = self._recommended()
         if best is None:
@@ -318,14 +326,14 @@ class AssistedCmaEs:
         """All runs that were waited for are told: run more of the generation, or close it."""
         first = self._belief is None
         self._learn()
-        if self._belief is None:
-            self._close_untaught()
-            return
         if not len(self._pool):  # that was the last run, with nothing to rank
             number, before = self._number, self._insight
             self._next_generation("")
             if before is not None:
                 self._insight = self._look_back(number, before.certainty, 1)
+            return
+        if self._belief is None:
+            self._close_untaught()
             return
         weights = self._weights(self._level)
         if not first and certainty(weights) < DECIDED:
@@ -358,11 +366,14 @@ class AssistedCmaEs:
         self._why = why
         self._open_generation()
 
-    def _look_back(self, number: int, certain: float, runs: int) -> Insight:
-        """What generation `number` taught, of the design that is recommended after it."""
-        assert self._belief is not None
+    def _look_back(self, number: int, certain: float, runs: int) -> Insight | None:
+        """What generation `number` taught, of the design that is recommended after it.
+
+        Nothing where the levels below were dropped and too few runs are left to learn from.
+        """
         z, level = self._recommended(), self._level_recommended
-        assert z is not None
+        if z is None or self._belief is None:
+            return None
         mean, variance = self._belief.posterior.predict(self._distribution.to_u(z[None, :]), level)
         return Insight(
             number, certain, runs, self._rungs[level].level,

@@ -39,7 +39,7 @@ seeds = 1
 """
 
 PLAN = STUDY[STUDY.index("[search]") : STUDY.index("[confirm]")]
-ASSISTED = STUDY.replace(PLAN, "[search]\nbudget = 6\npopulation_size = 6\nseeds = 2\n").replace(
+ASSISTED = STUDY.replace(PLAN, "[search]\nbudget = 60\npopulation_size = 6\nseeds = 2\n").replace(
     "seeds = 1\n", "seeds = 1\n[run]\nworkers = 2\n"
 )
 

@@ -94,6 +94,51 @@ def test_what_is_recommended_in_the_end_was_run_at_the_target_and_is_what_the_in
     np.testing.assert_array_equal(insight.best, best)
 
 
+def test_a_lying_level_whose_validations_fail_is_left_too() -> None:
+    fine_runs = 0
+
+    def fine(x: Array) -> float:
+        nonlocal fine_runs
+        fine_runs += 1
+        return np.inf if 1 < fine_runs <= 6 else sphere(x)  # the first is the start's
+
+    levels: dict[str, Function] = {"coarse": lambda x: sphere(-x), "fine": fine}
+    rungs = [Rung("coarse", 1 / 8), Rung("fine", 1.0)]
+    search = AssistedCmaEs(problem(), rungs, AutoregressiveGp(), budget=40.0, seed=3)
+    while search.should_stop() is None:
+        candidates = search.ask()
+        search.tell(candidates, [levels[c.level](c.x) for c in candidates])
+    best = search.recommended()
+    assert best is not None
+    assert sphere(best) < sphere(problem().baseline)
+
+
+@pytest.mark.parametrize("budget", [1.05, 2.2, 4.0])
+@pytest.mark.parametrize("finish", [1, 2, 1000])
+def test_a_small_budget_is_kept_to_and_ends_at_the_target(budget: float, finish: int) -> None:
+    cost = {"coarse": 0.05, "fine": 1.0}
+    rungs = [Rung(level, c) for level, c in cost.items()]
+    search = AssistedCmaEs(problem(3), rungs, AutoregressiveGp(), budget=budget, seed=1)
+    spent, coarse, fine = 0.0, 0, []
+    while search.should_stop() is None:
+        for c in search.ask():
+            spent += cost[c.level]
+            coarse += c.level == "coarse"
+            failed = c.level == "coarse" and coarse > finish
+            search.tell([c], [np.inf if failed else sphere(c.x)])
+            fine += [c.x] if c.level == "fine" else []
+    best = search.recommended()
+    assert best is not None
+    assert spent <= budget + 1e-9
+    assert any(np.array_equal(best, x) for x in fine)
+
+
+@pytest.mark.parametrize("budget", [1.0, 2.0, 7.0])
+def test_one_level_keeps_to_a_budget_below_a_generation(budget: float) -> None:
+    search = AssistedCmaEs(problem(), [Rung("f", 1.0)], AutoregressiveGp(), budget=budget, seed=1)
+    assert len(run(search, {"f": sphere})) == budget
+
+
 @pytest.mark.parametrize("workers", [1, 4])
 def test_the_budget_is_never_exceeded_and_no_worker_waits(workers: int) -> None:
     rungs = [Rung("coarse", 0.3), Rung("fine", 1.0)]
