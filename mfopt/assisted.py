@@ -2,11 +2,11 @@
 
 In each generation the surrogate, taught with all runs at all levels around the sampling
 distribution, proposes the minimiser of its mean in a trust region beside the CMA-ES samples. The
-candidates that are run are that minimiser, then those that joint posterior draws favour
-(Thompson sampling), until the ranking of the generation is decided. CMA-ES is told the weights
-that its candidates can expect over joint posterior draws, so that doubt moves it little. The
-level changes by itself (`mfopt.climbing`). The last run is that of the recommended design at the
-target level, if it had none there.
+candidates that are run are that minimiser, then those that joint posterior draws favour (Thompson
+sampling), until the ranking of the generation is decided. CMA-ES is told the ranking by the weights
+that its candidates can expect over joint posterior draws. The level changes by itself
+(`mfopt.climbing`). The last run is that of the recommended design at the target level, if it had
+none there.
 
 Sources: Hansen, arXiv:1604.00772 (CMA-ES); Bajer et al., doi:10.1162/evco_a_00244 (doubly
 trained surrogate CMA-ES); Hansen, GECCO 2019, doi:10.1145/3321707.3321842 (lq-CMA-ES: injection
@@ -100,6 +100,7 @@ class AssistedCmaEs:
         self._insight: Insight | None = None
         self._stop: str | None = None
         self._distribution = Distribution(self._start, sigma, self._size, self._rng)
+        self._average = self._distribution.mean  # (d,) of its means, see `_close`
         self._open_generation()
 
     @property
@@ -348,6 +349,7 @@ class AssistedCmaEs:
         values = [self._archive.value[rows].min(initial=np.inf) for rows in told]
         order = np.argsort(np.argsort(values, kind="stable"))
         self._distribution.update(self._pool, -recombination_weights(self._size)[order])
+        self._average = self._distribution.mean
         self._next_generation("")
 
     def _close(self, weights: Array) -> None:
@@ -356,6 +358,8 @@ class AssistedCmaEs:
         if above < len(self._rungs) and len(self._archive.values_at(above)):
             certain_above = certainty(self._weights(above))
         self._distribution.update(self._pool, -weights)
+        share = min(1.0, certain / DECIDED) ** 2
+        self._average = self._average + share * (self._distribution.mean - self._average)
         self._learn()
         runs, number = self._size - len(self._open), self._number
         self._next_generation(self._move(certain, certain_above))
@@ -423,6 +427,7 @@ class AssistedCmaEs:
 
     def _begin_at(self, z: Array, sigma: float) -> None:
         self._distribution = Distribution(z, sigma, self._size, self._rng)
+        self._average = self._distribution.mean
         self._learn()
 
     def _distance(self, z: Array) -> float:
@@ -430,12 +435,14 @@ class AssistedCmaEs:
 
     @property
     def _centre(self) -> Array:
-        """Mean (d,) of the distribution; the nearest run to it if that cannot be built."""
-        mean = self._distribution.mean
-        if self._problem.impossible(self._problem.to_x(mean)) is None:
-            return mean
-        away = np.linalg.norm(self._distribution.to_u(self._archive.z), axis=1)
-        return np.asarray(self._archive.z[int(np.argmin(away))])
+        """Average (d,) of the distribution's means; the nearest run if it cannot be built.
+
+        Where rankings are in doubt the mean wanders, and its average is better.
+        """
+        if self._problem.impossible(self._problem.to_x(self._average)) is None:
+            return self._average
+        away = self._distribution.to_u(self._archive.z) - self._distribution.to_u(self._average)
+        return np.asarray(self._archive.z[int(np.argmin(np.linalg.norm(away, axis=1)))])
 
     @property
     def _level_recommended(self) -> int:
@@ -443,14 +450,16 @@ class AssistedCmaEs:
         return self._level if self._stop is None else len(self._rungs) - 1
 
     def _recommended(self) -> Array | None:
-        """The design of lowest posterior mean, doubt counted against it.
+        """The best design in the posterior, doubt counted against it (`Belief.best`).
 
         In the end one that was run at the target level, if there is any.
         """
         level = self._level_recommended
         if self._belief is not None:
             run = self._archive.designs_at(level) if self._stop is not None else None
-            return self._belief.best(level, 2 * self._size, self._centre, run)
+            centre = self._centre
+            its = (centre, self._distribution.to_u(centre)[0])
+            return self._belief.best(level, 2 * self._size, its, run)
         if self._archive.finished == 0:
             return None
         return np.asarray(self._archive.z[int(np.argmin(self._archive.value))])

@@ -26,23 +26,35 @@ class Belief:
     u: Array  # (n, d) the same in the distribution's coordinates
     runs_at_fit: int  # runs in the archive when the hyperparameters were learnt
 
-    def best(self, level: int, fewest: int, centre: Array, among: Array | None = None) -> Array:
-        """The nearby design (d,) that is best at a level, doubt counted against it.
+    def best(
+        self,
+        level: int,
+        fewest: int,
+        centre: tuple[Array, Array],
+        among: Array | None = None,
+    ) -> Array:
+        """The nearby design (d,) that is best at a level: the centre, or what surely beats it.
+
+        A design must be better than the centre by the deviation of their difference, in the
+        posterior. So without noise the best run is chosen, and under noise, where the lowest of
+        many doubtful means is luck, the centre.
 
         Args:
             fewest: so many of the nearest count as nearby, however far they are.
-            centre: mean (d,) of the distribution; under noise it is better than any one run.
+            centre: a design (d,) of the unit cube, and the same in the distribution's coordinates.
             among: designs (m, d) to choose from, as far as they are known here.
         """
-        z, u = np.vstack([self.z, centre]), np.vstack([self.u, np.zeros(self.u.shape[1])])
+        z, u = np.vstack([self.z, centre[0]]), np.vstack([self.u, centre[1]])
         if among is not None:
             known = (z[:, None, :] == among).all(axis=2).any(axis=1)
             z, u = (z[known], u[known]) if known.any() else (z, u)
         away = np.linalg.norm(u, axis=1)
         last = np.sort(away)[min(len(away), fewest) - 1]
         near = np.flatnonzero(away <= max(NEARBY * np.sqrt(u.shape[1]), last))
-        mean, variance = self.posterior.latent(u[near], level)
-        return np.asarray(z[near[np.argmin(mean + np.sqrt(variance))]])
+        mean, joint = self.posterior.latent_covariance(np.vstack([u[near], centre[1]]), level)
+        variance = np.diag(joint) + joint[-1, -1] - 2.0 * joint[-1]  # of the difference
+        bound = mean + np.sqrt(np.maximum(variance, 0.0))
+        return np.asarray(z[near[np.argmin(bound[:-1])]])
 
 
 def learn(

@@ -8,11 +8,15 @@ from mfopt.surrogate import Posterior
 
 STARTS = 3
 ITERATIONS = 40
+STEPS_BACK = 20
 WALL = 10.0  # steepness of the trust region's wall, in deviations of the mean over the starts
 
 
 def minimiser(posterior: Posterior, level: int, starts: Array, radius: float) -> Array:
-    """Minimiser (d,) of the latent mean at `level` inside a ball around the origin.
+    """Minimiser (d,) of the latent mean at `level` inside a ball, drawn back where it is in doubt.
+
+    Of the points between the origin and the minimiser it is that of lowest mean plus deviation:
+    under noise the lowest mean is often far away, where nothing is known.
 
     Args:
         starts: (n, d) points; the search climbs down from the best few of them.
@@ -39,7 +43,9 @@ def minimiser(posterior: Posterior, level: int, starts: Array, radius: float) ->
         if found.fun < lowest:
             best, lowest = found.x, float(found.fun)
     length = float(np.linalg.norm(best))
-    return np.asarray(best * min(1.0, radius / max(length, 1e-12)))
+    way = np.linspace(0.0, min(1.0, radius / max(length, 1e-12)), STEPS_BACK + 1)[:, None] * best
+    mean, variance = posterior.latent(way, level)
+    return np.asarray(way[np.argmin(mean + np.sqrt(variance))])
 
 
 def thompson(draws: Array, taken: list[int], n: int) -> list[int]:

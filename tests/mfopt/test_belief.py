@@ -27,9 +27,28 @@ def test_too_few_finished_runs_teach_nothing() -> None:
 def test_the_best_is_near_the_bottom_of_a_bowl() -> None:
     belief = learn(archive(40), distribution(), AutoregressiveGp(), None, working=0, lowest=0)
     assert belief is not None
-    best = belief.best(0, 16, distribution().mean)
+    best = belief.best(0, 16, (distribution().mean, np.zeros(3)))
     values = ((belief.z - 0.52) ** 2).sum(axis=1)
     assert ((best - 0.52) ** 2).sum() <= np.sort(values)[2]
+
+
+def test_under_noise_the_best_is_the_centre_unless_a_design_surely_beats_it() -> None:
+    rng, centre = np.random.default_rng(4), (np.full(3, 0.5), np.zeros(3))
+    noise = rng.normal(size=60)
+    chosen = {}
+    for bottom in (0.5, 0.6):
+        its = Archive.empty(3)
+        for extra in noise:
+            z = np.clip(0.5 + 0.05 * rng.normal(size=3), 0.0, 1.0)
+            value = float(((z - bottom) ** 2).sum() / 0.05**2 + extra)
+            its = its.added(z, 0, value, np.empty(0))
+        belief = learn(its, distribution(), AutoregressiveGp(), None, working=0, lowest=0)
+        assert belief is not None
+        chosen[bottom] = belief.best(0, 16, centre)
+        among = its.z[:5]
+        assert any((belief.best(0, 16, centre, among) == z).all() for z in among)
+    np.testing.assert_array_equal(chosen[0.5], centre[0])
+    assert np.linalg.norm(chosen[0.6] - 0.6) < np.linalg.norm(centre[0] - 0.6)
 
 
 def test_what_lies_far_outside_is_left_out_and_never_best() -> None:

@@ -1,6 +1,9 @@
+from typing import cast
+
 import numpy as np
 import pytest
 
+from mfopt.arrays import Array
 from mfopt.prescreen import minimiser, thompson
 from mfopt.surrogate import Observations, Posterior
 from surrogates.autoregressive import AutoregressiveGp
@@ -16,7 +19,7 @@ def bowl() -> Posterior:
     return AutoregressiveGp().fit(Observations(z, np.zeros(40, dtype=np.int64), value, nothing))
 
 
-def starts() -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+def starts() -> Array:
     return np.random.default_rng(2).normal(size=(5, 3))
 
 
@@ -28,6 +31,21 @@ def test_the_trust_region_bounds_it(bowl: Posterior) -> None:
     found = minimiser(bowl, 0, starts(), 0.3)
     assert np.linalg.norm(found) == pytest.approx(0.3, abs=0.03)
     np.testing.assert_allclose(found / np.linalg.norm(found), BOTTOM / 0.7, atol=0.1)
+
+
+class Slope:
+    """A mean that falls along the first axis, and a doubt that grows faster."""
+
+    def latent(self, z: Array, level: int) -> tuple[Array, Array]:
+        return -0.1 * z[:, 0], (0.05 * (z**2).sum(axis=1)) ** 2
+
+    def latent_gradient(self, z: Array, level: int) -> tuple[Array, Array]:
+        return -0.1 * z[:, 0], np.tile([-0.1, 0.0, 0.0], (len(z), 1))
+
+
+def test_a_minimum_in_the_unknown_is_not_gone_to() -> None:
+    found = minimiser(cast(Posterior, Slope()), 0, starts(), 4.0)
+    np.testing.assert_allclose(found, [1.0, 0.0, 0.0], atol=0.15)
 
 
 def test_each_draw_chooses_its_best_open_candidate() -> None:
