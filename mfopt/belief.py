@@ -33,11 +33,11 @@ class Belief:
         centre: tuple[Array, Array],
         among: Array | None = None,
     ) -> Array:
-        """The nearby design (d,) that is best at a level: the centre, or what surely beats it.
+        """The nearby design (d,) that is best at a level: the centre, or a run that beats it.
 
-        A design must be better than the centre by the deviation of their difference, in the
-        posterior. So without noise the best run is chosen, and under noise, where the lowest of
-        many doubtful means is luck, the centre.
+        The doubt of a run counts against it, because the lowest of many doubtful means is luck;
+        that of the centre does not, because it is but one. So a run is chosen where there is no
+        noise, and the centre where there is much.
 
         Args:
             fewest: so many of the nearest count as nearby, however far they are.
@@ -45,16 +45,16 @@ class Belief:
             among: designs (m, d) to choose from, as far as they are known here.
         """
         z, u = np.vstack([self.z, centre[0]]), np.vstack([self.u, centre[1]])
+        chosen = np.arange(len(z))
         if among is not None:
             known = (z[:, None, :] == among).all(axis=2).any(axis=1)
-            z, u = (z[known], u[known]) if known.any() else (z, u)
-        away = np.linalg.norm(u, axis=1)
+            chosen = np.flatnonzero(known) if known.any() else chosen
+        away = np.linalg.norm(u[chosen], axis=1)
         last = np.sort(away)[min(len(away), fewest) - 1]
-        near = np.flatnonzero(away <= max(NEARBY * np.sqrt(u.shape[1]), last))
-        mean, joint = self.posterior.latent_covariance(np.vstack([u[near], centre[1]]), level)
-        variance = np.diag(joint) + joint[-1, -1] - 2.0 * joint[-1]  # of the difference
-        bound = mean + np.sqrt(np.maximum(variance, 0.0))
-        return np.asarray(z[near[np.argmin(bound[:-1])]])
+        near = chosen[away <= max(NEARBY * np.sqrt(u.shape[1]), last)]
+        mean, variance = self.posterior.latent(u[near], level)
+        luck = np.where(near == len(self.z), 0.0, np.sqrt(variance))
+        return np.asarray(z[near[np.argmin(mean + luck)]])
 
 
 def learn(

@@ -149,9 +149,6 @@ class Posterior(Protocol):
     def latent(self, z: Array, level: int) -> tuple[Array, Array]:
         """Mean (m,) and variance (m,) on the transformed scale, monotone in the objective."""
 
-    def latent_covariance(self, z: Array, level: int) -> tuple[Array, Array]:
-        """Mean (m,) and joint covariance (m, m) on the transformed scale."""
-
     def latent_gradient(self, z: Array, level: int) -> tuple[Array, Array]:
         """Mean (m,) on the transformed scale and its gradient (m, d), for a minimiser."""
 

@@ -83,18 +83,6 @@ class LevelsPosterior:
         spread = [slope**2 * part[1] for slope, part in zip(slopes, parts, strict=True)]
         return mean, np.sum(spread, axis=0)
 
-    def latent_covariance(self, z: Array, level: int) -> tuple[Array, Array]:
-        """Mean (m,) and joint covariance (m, m) on the transformed scale."""
-        parts = [process.mean_covariance(z, level) for process in (self.main, *self.counts)]
-        mean, slopes = self._together([part[0] for part in parts])
-        joint = [np.outer(s, s) * part[1] for s, part in zip(slopes, parts, strict=True)]
-        covariance: Array = np.sum(joint, axis=0)
-        if self.failures is not None:
-            share, wider = self.failures.process.mean_covariance(z, level)
-            rise, slope = self.failures.rise(share)
-            mean, covariance = mean + rise, covariance + np.outer(slope, slope) * wider
-        return mean, covariance
-
     def latent_gradient(self, z: Array, level: int) -> tuple[Array, Array]:
         """Mean (m,) on the transformed scale and its gradient (m, d)."""
         parts = [process.mean_gradient(z, level) for process in (self.main, *self.counts)]
