@@ -114,9 +114,10 @@ def chosen(result: Result, *, method: str | None, insights: bool) -> str:
     else:
         text = (
             "A surrogate, a model of the objective that learns from the runs at all levels, "
-            "estimates what every design that was run is worth apart from noise. The design with "
-            "the lowest estimate was chosen, one standard deviation of doubt added, and not the "
-            "one with the lowest value of a single run."
+            "estimates what a design is worth apart from noise. The design with the lowest "
+            "estimate was chosen, not the one with the lowest value of a single run. To the "
+            "estimates of the candidates one standard deviation of doubt is added, because the "
+            "lowest of many is lucky; the average around which they are drawn has none added."
         )
     if result.belief is None:
         return text
