@@ -35,9 +35,9 @@ class Belief:
     ) -> Array:
         """The nearby design (d,) that is best at a level: the centre, or a run that beats it.
 
-        The doubt of a run counts against it, because the lowest of many doubtful means is luck;
-        that of the centre does not, because it is but one. So a run is chosen where there is no
-        noise, and the centre where there is much.
+        The doubt of a run counts against it, because the lowest of many doubtful means is luck.
+        That of the centre, which is but one, counts as far as a run would settle it. So under much
+        noise the centre is chosen, without noise a run.
 
         Args:
             fewest: so many of the nearest count as nearby, however far they are.
@@ -53,8 +53,10 @@ class Belief:
         last = np.sort(away)[min(len(away), fewest) - 1]
         near = chosen[away <= max(NEARBY * np.sqrt(u.shape[1]), last)]
         mean, variance = self.posterior.latent(u[near], level)
-        luck = np.where(near == len(self.z), 0.0, np.sqrt(variance))
-        return np.asarray(z[near[np.argmin(mean + luck)]])
+        noise = max(self.posterior.noise_variance(level), np.finfo(float).tiny)
+        settled = variance * (variance / (variance + noise))
+        doubt = np.sqrt(np.where(near == len(self.z), settled, variance))
+        return np.asarray(z[near[np.argmin(mean + doubt)]])
 
 
 def learn(

@@ -13,10 +13,11 @@ WALL = 10.0  # steepness of the trust region's wall, in deviations of the mean o
 
 
 def minimiser(posterior: Posterior, level: int, starts: Array, radius: float) -> Array:
-    """Minimiser (d,) of the latent mean at `level` inside a ball, drawn back where it is in doubt.
+    """Minimiser (d,) of the latent mean at `level` inside a ball, drawn back where noise misleads.
 
-    Of the points between the origin and the minimiser it is that of lowest mean plus deviation:
-    under noise the lowest mean is often far away, where nothing is known.
+    Of the points between the origin and the minimiser it is that of lowest mean plus the deviation
+    that a run there would leave: under noise the lowest mean is often far away, where nothing is
+    known and one run settles little.
 
     Args:
         starts: (n, d) points; the search climbs down from the best few of them.
@@ -45,7 +46,9 @@ def minimiser(posterior: Posterior, level: int, starts: Array, radius: float) ->
     length = float(np.linalg.norm(best))
     way = np.linspace(0.0, min(1.0, radius / max(length, 1e-12)), STEPS_BACK + 1)[:, None] * best
     mean, variance = posterior.latent(way, level)
-    return np.asarray(way[np.argmin(mean + np.sqrt(variance))])
+    noise = max(posterior.noise_variance(level), np.finfo(float).tiny)
+    left = variance * (noise / (variance + noise))
+    return np.asarray(way[np.argmin(mean + np.sqrt(left))])
 
 
 def thompson(draws: Array, taken: list[int], n: int) -> list[int]:

@@ -53,19 +53,22 @@ class LevelsPosterior:
     def predict(self, z: Array, level: int) -> tuple[Array, Array]:
         """Mean (m,) and variance (m,) of the noise-free objective at `z` (m, d).
 
-        No count is expected to exceed the largest that was seen: the inverse of its transform
-        grows exponentially, so that a vague prediction would have no meaning.
+        Doubt reaches no further than the largest value seen: the inverse of the transform grows
+        exponentially, so that the mean of a vague prediction would have no meaning.
         """
-        mean, variance = self.main.warp.moments(*self.main.mean_variance(z, level))
+        if self.failures is not None:
+            centre, spread = self._finished(z, level)
+            more, wider = self.failures.moments(z, level)
+            seen = sum(float(p.rows.value.max()) for p in (self.main, *self.counts))
+            worst = float(self.warp.inverse(np.array(self.failures.worst)))
+            return self.warp.moments(centre + more, spread + wider, max(seen, worst))
+        seen = float(self.main.rows.value.max())
+        mean, variance = self.main.warp.moments(*self.main.mean_variance(z, level), seen)
         for count in self.counts:
-            highest = float(count.rows.value.max())
-            more, wider = count.warp.moments(*count.mean_variance(z, level), 0.0, highest)
+            seen = float(count.rows.value.max())
+            more, wider = count.warp.moments(*count.mean_variance(z, level), seen, 0.0)
             mean, variance = mean + more, variance + wider
-        if self.failures is None:
-            return mean, variance
-        centre, spread = self._finished(z, level)
-        more, wider = self.failures.moments(z, level)
-        return self.warp.moments(centre + more, spread + wider)
+        return mean, variance
 
     def latent(self, z: Array, level: int) -> tuple[Array, Array]:
         """Mean (m,) and variance (m,) on the transformed scale."""

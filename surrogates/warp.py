@@ -45,13 +45,18 @@ class Warp:
         return np.minimum(transformed, self.knot) + self.scale * np.expm1(above)
 
     def moments(
-        self, mean: Array, variance: Array, lowest: float = -np.inf, highest: float = np.inf
+        self, mean: Array, variance: Array, seen: float, lowest: float = -np.inf
     ) -> tuple[Array, Array]:
-        """Mean and variance of T^-1(y), limited to [lowest, highest], for y ~ N(mean, variance).
+        """Mean and variance of f = T^-1(y) for y ~ N(mean, variance), limited from both sides.
 
         By Gauss-Hermite quadrature with 20 nodes.
+
+        Args:
+            seen: f is at most this, or the inverse of `mean` where that is more.
+            lowest: f is at least this.
         """
         y = mean[:, None] + np.sqrt(variance)[:, None] * NODES
+        highest = np.maximum(self.inverse(mean), seen)[:, None]
         values = np.clip(self.inverse(y), lowest, highest)
         first = values @ NODE_WEIGHTS
         return first, (values - first[:, None]) ** 2 @ NODE_WEIGHTS

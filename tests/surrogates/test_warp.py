@@ -28,9 +28,18 @@ def test_moments_agree_with_draws() -> None:
     draws = np.random.default_rng(1).normal(mean, np.sqrt(variance), (200_000, 3))
     for floor in (-np.inf, 0.0):
         values = np.maximum(warp.inverse(draws), floor)
-        first, second = warp.moments(mean, variance, floor)
+        first, second = warp.moments(mean, variance, np.inf, floor)
         np.testing.assert_allclose(first, values.mean(axis=0), rtol=0.02, atol=0.003)
         np.testing.assert_allclose(second, values.var(axis=0), rtol=0.03, atol=0.003)
+
+
+def test_doubt_reaches_no_further_than_what_was_seen() -> None:
+    warp = Warp(0.0, 1.0)
+    vague = warp.moments(np.array([1.0]), np.array([400.0]), 30.0)
+    assert vague[0][0] < 30.0
+    assert np.sqrt(vague[1][0]) < 30.0
+    beyond, _ = warp.moments(np.array([5.0]), np.array([1e-6]), 30.0)
+    np.testing.assert_allclose(beyond, warp.inverse(np.array([5.0])), rtol=1e-3)
 
 
 def test_the_knot_is_the_median_of_the_finest_level_with_enough_values() -> None:
