@@ -100,7 +100,6 @@ class AssistedCmaEs:
         self._insight: Insight | None = None
         self._stop: str | None = None
         self._distribution = Distribution(self._start, sigma, self._size, self._rng)
-        self._average = self._distribution.mean  # (d,) of its means, see `_close`
         self._open_generation()
 
     @property
@@ -349,7 +348,6 @@ class AssistedCmaEs:
         values = [self._archive.value[rows].min(initial=np.inf) for rows in told]
         order = np.argsort(np.argsort(values, kind="stable"))
         self._distribution.update(self._pool, -recombination_weights(self._size)[order])
-        self._average = self._distribution.mean
         self._next_generation("")
 
     def _close(self, weights: Array) -> None:
@@ -357,9 +355,7 @@ class AssistedCmaEs:
         certain_above = 1.0
         if above < len(self._rungs) and len(self._archive.values_at(above)):
             certain_above = certainty(self._weights(above))
-        self._distribution.update(self._pool, -weights)
-        share = min(1.0, certain / DECIDED) ** 2
-        self._average = self._average + share * (self._distribution.mean - self._average)
+        self._distribution.update(self._pool, -weights, min(1.0, certain / DECIDED) ** 2)
         self._learn()
         runs, number = self._size - len(self._open), self._number
         self._next_generation(self._move(certain, certain_above))
@@ -427,7 +423,6 @@ class AssistedCmaEs:
 
     def _begin_at(self, z: Array, sigma: float) -> None:
         self._distribution = Distribution(z, sigma, self._size, self._rng)
-        self._average = self._distribution.mean
         self._learn()
 
     def _distance(self, z: Array) -> float:
@@ -439,9 +434,10 @@ class AssistedCmaEs:
 
         Where rankings are in doubt the mean wanders, and its average is better.
         """
-        if self._problem.impossible(self._problem.to_x(self._average)) is None:
-            return self._average
-        away = self._distribution.to_u(self._archive.z) - self._distribution.to_u(self._average)
+        average, to_u = self._distribution.average, self._distribution.to_u
+        if self._problem.impossible(self._problem.to_x(average)) is None:
+            return average
+        away = to_u(self._archive.z) - to_u(average)
         return np.asarray(self._archive.z[int(np.argmin(np.linalg.norm(away, axis=1)))])
 
     @property

@@ -7,7 +7,13 @@ import numpy as np
 from mfopt.archive import Archive
 from mfopt.arrays import Array, IntArray
 from mfopt.distribution import Distribution
-from mfopt.surrogate import Hyperparameters, Observations, Posterior, Surrogate
+from mfopt.surrogate import (
+    Hyperparameters,
+    Observations,
+    Posterior,
+    Surrogate,
+    left_after_run,
+)
 
 ROWS = 12  # per variable, at the working level and above
 ROWS_BELOW = 8  # per variable, at each lower level
@@ -53,8 +59,7 @@ class Belief:
         last = np.sort(away)[min(len(away), fewest) - 1]
         near = chosen[away <= max(NEARBY * np.sqrt(u.shape[1]), last)]
         mean, variance = self.posterior.latent(u[near], level)
-        noise = max(self.posterior.noise_variance(level), np.finfo(float).tiny)
-        settled = variance * (variance / (variance + noise))
+        settled = variance - left_after_run(self.posterior, variance, level)
         doubt = np.sqrt(np.where(near == len(self.z), settled, variance))
         return np.asarray(z[near[np.argmin(mean + doubt)]])
 

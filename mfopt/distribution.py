@@ -36,6 +36,7 @@ class Distribution:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             self._es: Any = cma.CMAEvolutionStrategy(np.clip(z, 0.0, 1.0), sigma, options)
+        self.average = self.mean  # (d,) of the means so far, see `update`
 
     @property
     def mean(self) -> Array:
@@ -69,14 +70,18 @@ class Distribution:
         moved = [self.mean + es.sigma * es.sm.transform(row) for row in np.atleast_2d(u)]
         return np.asarray(np.clip(np.array(moved), 0.0, 1.0))
 
-    def update(self, z: Array, losses: Array) -> None:
+    def update(self, z: Array, losses: Array, share: float = 1.0) -> None:
         """Move the distribution towards the points (n, d) of low loss (n,).
 
         Points that were not drawn here are taken as injections, their length limited.
+
+        Args:
+            share: weight of the new mean in the average of the means.
         """
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # cma warns of flat and of injected solutions
             self._es.tell(list(z), list(losses))
+        self.average = self.average + share * (self.mean - self.average)
 
     def widen(self, widest: float) -> None:
         """Raise the step size until `widest` is at least this; the covariance is kept."""

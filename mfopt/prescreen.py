@@ -4,11 +4,11 @@ import numpy as np
 from scipy.optimize import minimize
 
 from mfopt.arrays import Array
-from mfopt.surrogate import Posterior
+from mfopt.surrogate import Posterior, left_after_run
 
 STARTS = 3
 ITERATIONS = 40
-STEPS_BACK = 20
+STEPS_BACK = 20  # between the minimiser and the origin
 WALL = 10.0  # steepness of the trust region's wall, in deviations of the mean over the starts
 
 
@@ -46,8 +46,7 @@ def minimiser(posterior: Posterior, level: int, starts: Array, radius: float) ->
     length = float(np.linalg.norm(best))
     way = np.linspace(0.0, min(1.0, radius / max(length, 1e-12)), STEPS_BACK + 1)[:, None] * best
     mean, variance = posterior.latent(way, level)
-    noise = max(posterior.noise_variance(level), np.finfo(float).tiny)
-    left = variance * (noise / (variance + noise))
+    left = left_after_run(posterior, variance, level)
     return np.asarray(way[np.argmin(mean + np.sqrt(left))])
 
 

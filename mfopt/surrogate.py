@@ -168,6 +168,12 @@ class Posterior(Protocol):
         """Transformed scale to objective."""
 
 
+def left_after_run(posterior: Posterior, variance: Array, level: int) -> Array:
+    """What one run at `level` would leave of variances (m,) on the transformed scale."""
+    noise = max(posterior.noise_variance(level), np.finfo(float).tiny)
+    return variance * (noise / (variance + noise))
+
+
 class Surrogate(Protocol):
     """Learns the objective at all levels from runs at any of them."""
 

@@ -117,7 +117,8 @@ def chosen(result: Result, *, method: str | None, insights: bool) -> str:
             "estimates what a design is worth apart from noise. The design with the lowest "
             "estimate was chosen, not the one with the lowest value of a single run. To the "
             "estimates of the candidates one standard deviation of doubt is added, because the "
-            "lowest of many is lucky; the average around which they are drawn has none added."
+            "lowest of many is lucky; to that of the average around which they are drawn, only "
+            "what a run of it would settle."
         )
     if result.belief is None:
         return text
