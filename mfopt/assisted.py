@@ -25,12 +25,13 @@ from mfopt.climbing import Standing, misled, validation_due, why_climb
 from mfopt.distribution import Distribution
 from mfopt.errors import ConfigError
 from mfopt.evaluation import Candidate, Generation, Insight
+from mfopt.plan import Plan
 from mfopt.prescreen import minimiser, thompson
 from mfopt.problem import Problem
 from mfopt.ranking import certainty, expected_weights, recombination_weights
 from mfopt.search import Rung, default_population_size
 from mfopt.surrogate import Surrogate
-from mfopt.swap import Pair, check_pair, swapped, wrong_way
+from mfopt.swap import Exchange, Pair
 
 DRAWS = 128
 DECIDED = 0.5  # certainty of a generation's ranking at which no more of it is run
@@ -81,19 +82,16 @@ class AssistedCmaEs:
                 f"budget = {budget:g} is below the cost of one run at {rungs[-1].level!r}, "
                 f"{rungs[-1].cost:g}; raise it"
             )
-        check_pair(problem, exchange)
-        self._exchange = exchange
-        self._turned: Array | None = None  # the recommendation exchanged, once a level
+        self._exchange = Exchange(problem, exchange)
         self._problem, self._rungs, self._surrogate = problem, tuple(rungs), surrogate
+        self._plan = Plan([rung.cost for rung in rungs], budget)
         self._budget, self._sigma = budget, sigma
         self._size = population_size or default_population_size(problem.dimension)
         self._objective, self._seeds, self._first_seed = objective, seeds, first_seed
         self._rng = np.random.default_rng(seed)
         self._start = problem.to_z(problem.baseline)
         self._archive = Archive.empty(problem.dimension)
-        self._waiting: dict[int, tuple[Array, int]] = {}  # asked, not told
-        self._asked, self._number, self._restarts, self._why = 0, 1, 0, "start"
-        self._spent = np.zeros(len(rungs))  # of what was asked, by level
+        self._number, self._restarts, self._why = 1, 0, "start"
         self._level, self._lowest = 0, 0
         self._since_validation = (0.0, 0)  # cost and runs at the working level
         self._belief: Belief | None = None
@@ -121,7 +119,7 @@ class AssistedCmaEs:
         if self._stop is not None:
             return []
         target = self._rungs[-1]
-        return [(target.level, round((self._budget - self._spent.sum()) / target.cost))]
+        return [(target.level, round((self._budget - self._plan.spent.sum()) / target.cost))]
 
     def should_stop(self) -> str | None:
         """Why the search is over, in words; None while it goes on."""
@@ -139,11 +137,11 @@ class AssistedCmaEs:
         """
         asked: list[Candidate] = []
         while self._stop is None and (n is None or len(asked) < n):
-            if not self._planned and n is not None:
+            if not self._plan and n is not None:
                 self._keep_busy()
-            if not self._planned:
+            if not self._plan:
                 break
-            asked.append(self._candidate(*self._planned.pop(0)))
+            asked.append(self._begin_next())
         return asked
 
     def tell(
@@ -159,32 +157,21 @@ class AssistedCmaEs:
         """
         terms = np.zeros((len(candidates), 0)) if counts is None else counts
         for candidate, value, row in zip(candidates, values, terms, strict=True):
-            z, level = self._waiting.pop(candidate.index)
-            self._archive = self._archive.added(z, level, float(value), row)
-            self._awaited.discard(candidate.index)
-        if self._stop is None and not self._planned and not self._awaited:
+            run = self._plan.end(candidate.index)
+            self._archive = self._archive.added(run.z, run.level, float(value), row)
+        if self._stop is None and not self._plan.waits:
             self._go_on()
 
-    def _candidate(self, z: Array, level: int, awaited: bool) -> Candidate:
-        index, cost = self._asked, self._rungs[level].cost
-        self._asked += 1
-        self._waiting[index] = (z, level)
-        if awaited:
-            self._awaited.add(index)
-        self._spent[level] += cost
-        if level == self._level:
+    def _begin_next(self) -> Candidate:
+        number, run = self._plan.begin()
+        rung = self._rungs[run.level]
+        if run.level == self._level:
             spent, runs = self._since_validation
-            self._since_validation = (spent + cost, runs + 1)
+            self._since_validation = (spent + rung.cost, runs + 1)
         return Candidate(
-            index, frozen(self._problem.to_x(z)), self._rungs[level].level,
+            number, frozen(self._problem.to_x(run.z)), rung.level,
             self._first_seed + self._number % self._seeds, self._number,
         )  # fmt: skip
-
-    @property
-    def _left(self) -> float:
-        """Budget that is neither spent nor planned for."""
-        planned = sum(self._rungs[level].cost for _, level, _ in self._planned)
-        return float(self._budget - self._spent.sum() - planned)
 
     @property
     def _affordable(self) -> bool:
@@ -192,7 +179,7 @@ class AssistedCmaEs:
 
         The last run is that of the recommended design at the target level, if it lacks one.
         """
-        after = self._left - self._rungs[self._level].cost
+        after = self._plan.left_after(self._level)
         return after >= 0.0 and (after >= self._rungs[-1].cost or not self._lacks_target_run)
 
     @property
@@ -201,8 +188,8 @@ class AssistedCmaEs:
         best, target = self._recommended(), len(self._rungs) - 1
         if best is None:
             return self._level < target
-        out = (z for z, level in self._waiting.values() if level == target)
-        return not any((z == best).all() for z in (*self._archive.designs_at(target), *out))
+        asked = (*self._archive.designs_at(target), *self._plan.out_at(target))
+        return not any((z == best).all() for z in asked)
 
     def _keep_busy(self) -> None:
         """Plan a run that the search does not wait for, rather than leave a worker idle."""
@@ -213,12 +200,11 @@ class AssistedCmaEs:
         elif self._belief is not None or self._archive.finished >= FEWEST:
             self._go_on()  # the surrogate stands in for what is still out
         else:
-            self._planned.append((self._samples(1)[0], self._level, False))
+            self._plan.add(self._samples(1)[0], self._level, awaited=False)
 
     def _open_generation(self) -> None:
         """Draw the candidates of a generation and plan the first runs."""
-        self._planned: list[tuple[Array, int, bool]] = []  # design, level, awaited
-        self._awaited: set[int] = set()
+        self._plan.await_no_more()
         if not self._affordable:
             self._finish()
             return
@@ -227,7 +213,7 @@ class AssistedCmaEs:
             self._open: list[int] = []
             for z in [self._start, *self._pool] if self._number == 1 else self._pool:
                 if self._affordable:
-                    self._planned.append((z, self._level, True))
+                    self._plan.add(z, self._level)
             return
         self._plan_validation()
         self._plan_exchange()
@@ -239,9 +225,9 @@ class AssistedCmaEs:
     def _finish(self) -> None:
         """Run the recommended design at the target level if it was not, then stop."""
         target, best = len(self._rungs) - 1, self._recommended()
-        if best is not None and self._lacks_target_run and self._left >= self._rungs[target].cost:
+        if best is not None and self._lacks_target_run and self._plan.left_after(target) >= 0.0:
             self._pool, self._open = self._pool[:0], []
-            self._planned.append((best, target, True))
+            self._plan.add(best, target)
         else:
             self._stop = "the budget is spent"
 
@@ -249,37 +235,25 @@ class AssistedCmaEs:
         above = self._level + 1
         if above == len(self._rungs):
             return
-        cost = self._rungs[above].cost
-        if not validation_due(*self._since_validation, cost):
+        if not validation_due(*self._since_validation, self._rungs[above].cost):
             return
-        best, first = self._recommended(), not len(self._archive.values_at(above))
-        if best is None or self._left < (2.0 if first else 1.0) * cost:
+        best, start = (
+            self._recommended(),
+            [] if len(self._archive.values_at(above)) else [self._start],
+        )
+        if best is None or self._plan.left_after(above, 1 + len(start)) < 0.0:
             return
         self._since_validation = (0.0, 0)
-        if first:
-            self._planned.append((self._start, above, True))
-        self._planned.append((best, above, True))
+        for z in (*start, best):
+            self._plan.add(z, above)
 
     def _plan_exchange(self) -> None:
-        """Run the recommended design exchanged, once a level, where it is the wrong way round."""
-        if self._exchange is None or self._turned is not None or not self._affordable:
-            return
         best = self._recommended()
-        if best is None:
+        if best is None or not self._affordable:
             return
-        x = self._problem.to_x(best)
-        if wrong_way(self._problem, self._exchange, x):
-            turned = swapped(self._problem, self._exchange, x)
-            self._turned = best if turned is None else self._problem.to_z(turned)
-            self._planned.append((self._turned, self._level, True))
-
-    def _exchange_pays(self, exchanged: Array) -> bool:
-        """Whether the exchanged design (d,) is the best run at this level, and far from here."""
-        values = self._archive.values_at(self._level)
-        its = (self._archive.designs_at(self._level) == exchanged).all(axis=1)
-        if not its.any() or its.all() or values[its].min() >= values[~its].min():
-            return False
-        return self._distance(exchanged) > RADIUS * float(np.sqrt(len(exchanged)))
+        exchanged = self._exchange.attempt(best)
+        if exchanged is not None:
+            self._plan.add(exchanged, self._level)
 
     def _proposal(self) -> Array:
         """Minimiser (d,) of the surrogate's mean in the trust region, or a sample instead."""
@@ -298,7 +272,7 @@ class AssistedCmaEs:
 
     def _take(self, place: int, *, awaited: bool) -> None:
         self._open.remove(place)
-        self._planned.append((self._pool[place], self._level, awaited))
+        self._plan.add(self._pool[place], self._level, awaited=awaited)
 
     def _pick(self, *, awaited: bool) -> None:
         """Plan one more run of this generation, if the budget allows."""
@@ -338,7 +312,7 @@ class AssistedCmaEs:
         weights = self._weights(self._level)
         if not first and certainty(weights) < DECIDED:
             self._pick(awaited=True)
-            if self._planned:
+            if self._plan:
                 return
         self._close(weights)
 
@@ -382,17 +356,18 @@ class AssistedCmaEs:
 
     def _move(self, certain: float, certain_above: float) -> str:
         """Change the level or start anew where it is due; why, in words."""
-        if self._turned is not None and self._exchange_pays(self._turned):
+        exchanged = self._exchange.success(self._archive, self._level)
+        if exchanged is not None and self._distance(exchanged) > RADIUS * np.sqrt(len(exchanged)):
             self._restarts += 1
-            self._begin_at(self._turned, WIDTH_OF_RESTART * self._sigma)
-            return f"{' and '.join(self._exchange or ())} exchanged"
+            self._begin_at(exchanged, WIDTH_OF_RESTART * self._sigma)
+            return self._exchange.name
         target = len(self._rungs) - 1
         widest = self._distribution.widest
         if self._level == target:
             if widest < CONVERGED:
                 return self._restart("converged")
             return ""
-        share = float(self._spent[:target].sum() / self._budget)
+        share = float(self._plan.spent[:target].sum() / self._budget)
         standing = Standing(self._level, self._archive, share, widest, certain, certain_above)
         why = why_climb(standing)
         return "" if why is None else self._climb(why)
@@ -400,7 +375,7 @@ class AssistedCmaEs:
     def _climb(self, why: str) -> str:
         self._level += 1
         self._restarts += 1
-        self._turned = None
+        self._exchange.new_level()
         self._since_validation = (0.0, 0)
         name = self._rungs[self._level].level
         if misled(self._archive, self._level):

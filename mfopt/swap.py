@@ -5,6 +5,7 @@ Source: the paper's section 3.5, where y1 above y2 lets the cup move back.
 
 import numpy as np
 
+from mfopt.archive import Archive
 from mfopt.arrays import Array
 from mfopt.errors import ConfigError
 from mfopt.problem import Problem
@@ -39,3 +40,51 @@ def swapped(problem: Problem, pair: Pair, x: Array) -> Array | None:
     turned[places] = turned[places[::-1]]
     turned = np.clip(turned, problem.lower, problem.upper)
     return None if problem.impossible(turned) else turned
+
+
+class Exchange:
+    """Tries a design exchanged, once a level, where it is the wrong way round.
+
+    Args:
+        problem: what to minimise over.
+        pair: the first is not to be above the second; None where nothing is exchanged.
+
+    Raises:
+        ConfigError: if a variable of the pair is not free.
+    """
+
+    def __init__(self, problem: Problem, pair: Pair | None) -> None:
+        check_pair(problem, pair)
+        self._problem, self._pair = problem, pair
+        self._tried: Array | None = None
+
+    @property
+    def name(self) -> str:
+        """The exchange in words."""
+        return f"{' and '.join(self._pair or ())} exchanged"
+
+    def new_level(self) -> None:
+        """Allow one more try."""
+        self._tried = None
+
+    def attempt(self, z: Array) -> Array | None:
+        """The design `z` (d,) of the unit cube exchanged, if that is to be tried now.
+
+        An impossible design is not tried.
+        """
+        if self._pair is None or self._tried is not None:
+            return None
+        x = self._problem.to_x(z)
+        turned = swapped(self._problem, self._pair, x)
+        if turned is not None and wrong_way(self._problem, self._pair, x):
+            self._tried = self._problem.to_z(turned)
+        return self._tried
+
+    def success(self, archive: Archive, level: int) -> Array | None:
+        """The exchanged design (d,) of the unit cube, if it is the best run at this level."""
+        if self._tried is None:
+            return None
+        values = archive.values_at(level)
+        its = (archive.designs_at(level) == self._tried).all(axis=1)
+        best = its.any() and not its.all() and values[its].min() < values[~its].min()
+        return self._tried if best else None
