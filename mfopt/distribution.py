@@ -15,6 +15,8 @@ import numpy as np
 
 from mfopt.arrays import Array
 
+TRIES = 3  # to draw inside the cube
+
 
 class Distribution:
     """A normal distribution over the unit cube that learns from ranked samples.
@@ -55,8 +57,20 @@ class Distribution:
         return float(self.sigma * np.sqrt(np.max(self._es.sm.variances)))
 
     def sample(self, n: int) -> Array:
-        """Draw (n, d) points of the cube."""
-        return np.array(self._es.ask(n))
+        """Draw (n, d) points of the cube.
+
+        What falls outside is drawn anew a few times, then folded back. Folding alone would widen
+        the distribution; drawing until a point is inside would keep it off an optimum at the walls.
+        """
+        return np.array([self._draw() for _ in range(n)])
+
+    def _draw(self) -> Array:
+        for _ in range(TRIES):
+            (folded,) = self._es.ask(1)
+            drawn = np.asarray(self._es.sent_solutions[folded]["geno"])
+            if ((drawn >= 0.0) & (drawn <= 1.0)).all():
+                break
+        return np.asarray(folded)
 
     def to_u(self, z: Array) -> Array:
         """Whitened coordinates (n, d) of points (n, d) of the cube."""

@@ -51,3 +51,20 @@ def test_it_moves_to_low_losses_and_repeats() -> None:
 
     assert loss(learnt(1).mean) < 0.05 * loss(np.full(4, 0.5))
     np.testing.assert_array_equal(learnt(1).mean, learnt(1).mean)
+
+
+def test_few_points_are_folded_back_at_the_walls(monkeypatch: pytest.MonkeyPatch) -> None:
+    def spread() -> float:
+        wide = Distribution(np.full(2, 0.5), 0.3, 6, np.random.default_rng(1))
+        return float(np.std(wide.sample(2000)))
+
+    redrawn = spread()
+    monkeypatch.setattr("mfopt.distribution.TRIES", 1)
+    assert redrawn < 0.95 * spread()
+
+
+def test_an_optimum_at_the_walls_is_still_sampled() -> None:
+    wall = np.zeros(13)
+    z = Distribution(wall, 0.1, 11, np.random.default_rng(1)).sample(200)
+    assert z.min() >= 0.0
+    assert np.median(z) < 0.067  # that of half a normal
