@@ -310,11 +310,15 @@ class AssistedCmaEs:
             self._close_untaught()
             return
         weights = self._weights(self._level)
-        if not first and certainty(weights) < DECIDED:
+        if not first and not self._decided(weights):
             self._pick(awaited=True)
             if self._plan:
                 return
         self._close(weights)
+
+    def _decided(self, weights: Array) -> bool:
+        """Whether the generation is ranked well enough to run no more of it."""
+        return certainty(weights) >= DECIDED
 
     def _close_untaught(self) -> None:
         """Too few runs have finished to learn from: rank what there is, failed runs last."""

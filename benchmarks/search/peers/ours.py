@@ -11,6 +11,7 @@ from functools import partial
 import numpy as np
 
 from benchmarks.search.case import Array, Case, Meter, Spent, Trace
+from benchmarks.search.peers.ablations import ABLATIONS
 from mfopt.assisted import AssistedCmaEs
 from mfopt.cmaes import CmaEs
 from mfopt.problem import Problem, Variable
@@ -77,10 +78,12 @@ def _z(case: Case, x: Array) -> Array:
     return np.asarray((x - case.lower) / (case.upper - case.lower))
 
 
-def assisted(case: Case, budget: float, seed: int) -> AssistedCmaEs:
+def assisted(
+    case: Case, budget: float, seed: int, search: type[AssistedCmaEs] = AssistedCmaEs
+) -> AssistedCmaEs:
     """`mfopt.AssistedCmaEs` with the case's levels."""
     rungs = [Rung(name, cost) for name, cost in zip(level_names(case), case.costs, strict=True)]
-    return AssistedCmaEs(
+    return search(
         problem_of(case), rungs, AutoregressiveGp(), budget=budget, seed=seed, sigma=case.sigma0
     )
 
@@ -96,6 +99,7 @@ def assisted_on_target(case: Case, budget: float, seed: int) -> AssistedCmaEs:
 BUILDS: Mapping[str, Build] = {
     "mfopt": assisted,
     "mfopt-target": assisted_on_target,
+    **{name: partial(assisted, search=kind) for name, kind in ABLATIONS.items()},
     "mfopt-cmaes": planned_cmaes,
     "mfopt-cmaes-ranks": ranks,
     "mfopt-cmaes-elite": elite,

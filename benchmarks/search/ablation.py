@@ -1,0 +1,71 @@
+"""What each part of the assisted search is worth: the whole against itself without the part.
+
+python -m benchmarks.search.ablation [--in benchmarks/search/results] [--jobs 1]
+
+It runs what is missing of nine ladders and five noisy cases on tuning instances 1-3, then prints
+how many times cheaper the whole search reaches the targets.
+"""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from benchmarks.search import run
+from benchmarks.search.peers.ablations import ABLATIONS
+from benchmarks.search.results import read_suite
+from benchmarks.search.score import NOISY_TARGETS, compare
+
+RESULTS = Path(__file__).parent / "results"
+WHOLE = "mfopt"
+INSTANCES = "1-3"
+CASES = {
+    "ladder": (
+        "ladder/f1/b1/n0", "ladder/f6/b1/n0", "ladder/f10/b0.3/n0",
+        "ladder/f9/b0.3/n5", "ladder/f10/b1/n5", "ladder/f15/b1/n5",
+        "ladder/f6/b0.3/n30", "ladder/f9/b1/n30", "ladder/f13/b1/n30",
+    ),
+    "noisy": (
+        "noisy/f1-mul30/d13", "noisy/f9-add5/d13", "noisy/f10-add5/d13",
+        "noisy/f110/d13", "noisy/f116/d13",
+    ),
+}  # fmt: skip
+LADDERS_ONLY = ("mfopt-no-transfer", "mfopt-planned-levels")
+
+
+def table(directory: Path) -> str:
+    """The ratios as Markdown."""
+    lines = ["| without | suite | median ratio | lost |", "|---|---|---|---|"]
+    for suite, cases in CASES.items():
+        results = read_suite(directory, "tuning", suite)
+        for name in _parts(suite):
+            s = compare(results[WHOLE], {name: results[name]}, NOISY_TARGETS, cases=cases)
+            part = name.removeprefix("mfopt-").removeprefix("no-").replace("-", " ")
+            lines.append(
+                f"| {part} | {suite} | {s.median:.2f} ({s.low:.2f} to {s.high:.2f}) "
+                f"| {len(s.lost)} of {len(s.ratios)} |"
+            )
+    return "\n".join(lines)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run what is missing, then print the table."""
+    parser = argparse.ArgumentParser(prog="ablation", description=__doc__)
+    parser.add_argument("--in", dest="directory", type=Path, default=RESULTS)
+    parser.add_argument("--jobs", type=int, default=1)
+    given = parser.parse_args(arguments)
+    for suite, cases in CASES.items():
+        words = ["--suite", suite, "--peers", WHOLE, *_parts(suite), "--instances", INSTANCES]
+        words += ["--cases", *cases, "--out", str(given.directory), "--jobs", str(given.jobs)]
+        if failed := run.main(words):
+            return failed
+    print(table(given.directory))
+    return 0
+
+
+def _parts(suite: str) -> list[str]:
+    return [name for name in ABLATIONS if suite == "ladder" or name not in LADDERS_ONLY]
+
+
+if __name__ == "__main__":
+    sys.exit(main())
