@@ -85,7 +85,7 @@ class AssistedCmaEs:
         self._exchange = Exchange(problem, exchange)
         self._problem, self._rungs, self._surrogate = problem, tuple(rungs), surrogate
         self._plan = Plan([rung.cost for rung in rungs], budget)
-        self._budget, self._sigma = budget, sigma
+        self._sigma = sigma
         self._size = population_size or default_population_size(problem.dimension)
         self._objective, self._seeds, self._first_seed = objective, seeds, first_seed
         self._rng = np.random.default_rng(seed)
@@ -119,7 +119,7 @@ class AssistedCmaEs:
         if self._stop is not None:
             return []
         target = self._rungs[-1]
-        return [(target.level, round((self._budget - self._plan.spent.sum()) / target.cost))]
+        return [(target.level, round((self._plan.budget - self._plan.spent.sum()) / target.cost))]
 
     def should_stop(self) -> str | None:
         """Why the search is over, in words; None while it goes on."""
@@ -371,7 +371,7 @@ class AssistedCmaEs:
             if widest < CONVERGED:
                 return self._restart("converged")
             return ""
-        share = float(self._plan.spent[:target].sum() / self._budget)
+        share = float(self._plan.spent[:target].sum() / self._plan.budget)
         standing = Standing(self._level, self._archive, share, widest, certain, certain_above)
         why = why_climb(standing)
         return "" if why is None else self._climb(why)

@@ -26,7 +26,7 @@ class Plan:
     """
 
     def __init__(self, costs: Sequence[float], budget: float) -> None:
-        self._costs, self._budget = tuple(costs), budget
+        self._costs, self.budget = tuple(costs), budget
         self._planned: list[PlannedRun] = []
         self._out: dict[int, PlannedRun] = {}
         self._awaited: set[int] = set()
@@ -45,7 +45,7 @@ class Plan:
     def left_after(self, level: int, runs: int = 1) -> float:
         """Budget neither spent nor planned for, less some more runs at a level."""
         planned = sum(self._costs[run.level] for run in self._planned)
-        return float(self._budget - self.spent.sum() - planned - runs * self._costs[level])
+        return float(self.budget - self.spent.sum() - planned - runs * self._costs[level])
 
     def add(self, z: Array, level: int, *, awaited: bool = True) -> None:
         """Plan a run after those planned before."""

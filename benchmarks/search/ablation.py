@@ -13,10 +13,10 @@ from pathlib import Path
 
 from benchmarks.search import run
 from benchmarks.search.peers.ablations import ABLATIONS
+from benchmarks.search.reproduce import FULL
 from benchmarks.search.results import read_suite
 from benchmarks.search.score import NOISY_TARGETS, compare
 
-RESULTS = Path(__file__).parent / "results"
 WHOLE = "mfopt"
 INSTANCES = "1-3"
 CASES = {
@@ -51,7 +51,7 @@ def table(directory: Path) -> str:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run what is missing, then print the table."""
     parser = argparse.ArgumentParser(prog="ablation", description=__doc__)
-    parser.add_argument("--in", dest="directory", type=Path, default=RESULTS)
+    parser.add_argument("--in", dest="directory", type=Path, default=FULL)
     parser.add_argument("--jobs", type=int, default=1)
     given = parser.parse_args(arguments)
     for suite, cases in CASES.items():

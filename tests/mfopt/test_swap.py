@@ -4,7 +4,7 @@ import pytest
 from mfopt.archive import Archive
 from mfopt.errors import ConfigError
 from mfopt.problem import Problem, Variable
-from mfopt.swap import Exchange
+from mfopt.swap import Exchange, check_pair, swapped, wrong_way
 
 VARIABLES = (Variable("a", 0.0, 1.0), Variable("b", 0.0, 2.0), Variable("c", 0.0, 1.0))
 PROBLEM = Problem(VARIABLES, np.full(3, 0.5))
@@ -19,7 +19,18 @@ def runs(*values: tuple[np.ndarray, float]) -> Archive:
     return archive
 
 
-def test_both_values_are_moved_into_their_bounds() -> None:
+def test_exchange_moves_both_values_into_their_bounds() -> None:
+    assert wrong_way(PROBLEM, ("b", "a"), np.array([0.2, 1.7, 0.3]))
+    turned = swapped(PROBLEM, ("b", "a"), np.array([0.2, 1.7, 0.3]))
+    np.testing.assert_array_equal(turned, [1.0, 0.2, 0.3])
+
+
+def test_an_impossible_exchange_is_none() -> None:
+    problem = Problem(VARIABLES, PROBLEM.baseline, lambda x: "no" if x[0] > 0.9 else None)
+    assert swapped(problem, ("b", "a"), np.array([0.2, 1.7, 0.3])) is None
+
+
+def test_the_attempt_is_the_design_exchanged() -> None:
     attempt = Exchange(PROBLEM, ("b", "a")).attempt(WRONG)
     assert attempt is not None
     np.testing.assert_allclose(attempt, EXCHANGED)
@@ -64,5 +75,7 @@ def test_no_success_before_its_run_is_in() -> None:
 
 
 def test_a_variable_that_is_not_free_is_named() -> None:
+    with pytest.raises(ConfigError, match="'z', which is not free"):
+        check_pair(PROBLEM, ("a", "z"))
     with pytest.raises(ConfigError, match="'z', which is not free"):
         Exchange(PROBLEM, ("a", "z"))

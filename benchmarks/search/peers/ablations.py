@@ -9,7 +9,6 @@ import numpy as np
 
 from benchmarks.search.case import Array
 from mfopt.assisted import AssistedCmaEs
-from mfopt.belief import learn
 
 
 class NoProposal(AssistedCmaEs):
@@ -30,10 +29,8 @@ class NoTransfer(AssistedCmaEs):
     """The surrogate learns from the level that the search works at, not from those below."""
 
     def _learn(self) -> None:
-        self._belief = learn(
-            self._archive, self._distribution, self._surrogate, self._belief,
-            working=self._level, lowest=self._level,
-        )  # fmt: skip
+        self._lowest = self._level
+        super()._learn()
 
 
 class PlannedLevels(AssistedCmaEs):
@@ -45,7 +42,7 @@ class PlannedLevels(AssistedCmaEs):
     def _move(self, certain: float, certain_above: float) -> str:
         if self._level == len(self._rungs) - 1:
             return super()._move(certain, certain_above)
-        share = self._budget / len(self._rungs)
+        share = self._plan.budget / len(self._rungs)
         return self._climb("its share is spent") if self._plan.spent[self._level] >= share else ""
 
 
