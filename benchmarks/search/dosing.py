@@ -4,7 +4,7 @@
 
 For each seed both studies are run by `mfopt run`, one after the other; their best designs are
 compared by the median objective over fresh fillings of the cup. The planned study is that of
-`examples/rice-quick.toml` without its levels above the top one; its work is what the assisted
+`examples/rice-planned.toml` without its levels above the top one; its work is what the assisted
 search may spend. A run that is there is resumed or taken as it is.
 """
 

@@ -67,8 +67,8 @@ def test_own_simulator_from_the_command_line(tmp_path: Path) -> None:
 
 
 def test_the_planned_study_is_valid_and_spends_what_the_assisted_one_may() -> None:
-    budget = re.search(r"search may spend (\S+)", mfopt("ladder", "examples/rice-assisted.toml"))
-    planned = re.search(r"search may spend (\S+)", mfopt("ladder", "examples/rice-quick.toml"))
+    budget = re.search(r"search may spend (\S+)", mfopt("ladder", "examples/rice-quick.toml"))
+    planned = re.search(r"search may spend (\S+)", mfopt("ladder", "examples/rice-planned.toml"))
     assert budget
     assert planned
     assert float(budget.group(1)) <= float(planned.group(1)) < float(budget.group(1)) + 1.0
