@@ -44,7 +44,7 @@ def why_climb(standing: Standing) -> str | None:
     if standing.widest < CONVERGED:
         return "converged"
     if standing.below_share > BELOW_SHARE:
-        return f"{BELOW_SHARE:.0%} of the budget are spent below the target"
+        return f"{BELOW_SHARE:.0%} of the budget is spent below the target"
     if len(above) >= FEWEST_VALIDATIONS and (standing.certainty_above < DOUBT * standing.certainty):
         return "the ranking at the next level is in doubt"
     if len(above) >= PATIENCE + 2 and len(above) - 1 - int(np.argmin(above)) >= PATIENCE:

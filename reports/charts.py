@@ -164,7 +164,7 @@ def draw_bands(axes: "Sequence[Axes]", stretches: Sequence[tuple[str, float, flo
     names = [name for name, _, _ in stretches]
     ends = [1.0 - LETTER * (len(name) + 1) for name in names]  # or the label is cut off
     shares = [_share(axes[0], left) for _, left, _ in stretches]
-    lefts = [min(share, end) for share, end in zip(shares, ends, strict=True)]
+    lefts = [max(0.0, min(share, end)) for share, end in zip(shares, ends, strict=True)]
     rows = label_rows(lefts, names)
     for i, (name, left, right) in enumerate(stretches):
         for axis in axes:

@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from mfopt.arrays import Array
 from mfopt.evaluation import Generation
@@ -80,3 +81,12 @@ def test_figures_repeat_bit_for_bit() -> None:
     its = [step(n, "a") for n in range(1, 4)]
     first, second = (charts.progress(its, display("-", [1.0]), "f", None) for _ in range(2))
     assert first == second
+
+
+def test_a_stretch_that_begins_at_nothing_is_named_on_a_logarithmic_axis() -> None:
+    axes = Figure().subplots()
+    axes.set_xscale("log")
+    axes.set_xlim(0.01, 10.0)
+    charts.draw_bands([axes], [("coarse", 0.0, 1.0), ("fine", 1.0, 10.0)])
+    assert [label.get_text() for label in axes.texts] == ["coarse", "fine"]
+    assert [label.xy[0] for label in axes.texts] == pytest.approx([0.0, 2 / 3])
