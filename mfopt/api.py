@@ -19,7 +19,7 @@ from mfopt.header import header
 from mfopt.level import Ladder, Level
 from mfopt.problem import Constraint, Problem, Variable
 from mfopt.run import run_study
-from mfopt.search import Search, Stage, default_population_size, rungs, window
+from mfopt.search import Reevaluate, Search, Stage, default_population_size, rungs, window
 from mfopt.store import create, open_run, writing
 from mfopt.surrogate import Surrogate
 
@@ -49,6 +49,7 @@ def minimize(
     population_size: int | None = None,
     sigma: float = 0.2,
     seeds: int = 1,
+    reevaluate: Reevaluate = "none",
     constraint: Constraint | None = None,
     seed: int = 1,
     workers: int = 1,
@@ -71,6 +72,8 @@ def minimize(
         population_size: candidates per generation; 4 + 3 ln d if left out.
         sigma: first step size as a share of the bounds' width.
         seeds: for noisy simulators: generations rotate over so many seeds.
+        reevaluate: runs candidates again whose ranking is in doubt, "ranks" or "elite" (see
+            `mfopt.Stage`). Without a surrogate.
         constraint: returns why a design is impossible, or None; such a design is never run.
         seed: of the search.
         workers: processes; with 1 the functions run here and need not be picklable.
@@ -94,8 +97,13 @@ def minimize(
                 f"budget = {budget:g} needs a surrogate; give one, or generations in its place"
             )
         size = population_size or default_population_size(problem.dimension)
-        search = CmaEs(problem, _plan(ladder, generations, size, sigma, seeds), seed=seed)
+        plan = _plan(ladder, generations, size, sigma, seeds, reevaluate)
+        search = CmaEs(problem, plan, seed=seed)
     else:
+        if reevaluate != "none":
+            raise ConfigError(
+                f'reevaluate = "{reevaluate}" is for the search without a surrogate; leave one out'
+            )
         if budget is None or generations is not None:
             raise ConfigError(
                 "a surrogate needs a budget, in runs of the last level, and no generations: it "
@@ -132,12 +140,13 @@ def _plan(
     population_size: int,
     sigma: float,
     seeds: int,
+    reevaluate: Reevaluate,
 ) -> list[Stage]:
     """The stages of the planned search."""
     same = GENERATIONS if generations is None else generations
     plan = same if isinstance(same, Mapping) else dict.fromkeys(ladder.names, same)
     return [
-        Stage(ladder[name].name, count, population_size, sigma, "returned", seeds)
+        Stage(ladder[name].name, count, population_size, sigma, "returned", seeds, reevaluate)
         for name, count in plan.items()
     ]
 

@@ -2,8 +2,8 @@
 
 python -m benchmarks.search.ablation [--in benchmarks/search/results] [--jobs 1]
 
-It runs what is missing of nine ladders and five noisy cases on tuning instances 1-3, then prints
-how many times cheaper the whole search reaches the targets.
+It runs what is missing of six smooth cases, nine ladders and five noisy cases on tuning instances
+1-3, then prints how many times cheaper the whole search reaches the targets.
 """
 
 import argparse
@@ -15,11 +15,14 @@ from benchmarks.search import run
 from benchmarks.search.peers.ablations import ABLATIONS
 from benchmarks.search.reproduce import FULL
 from benchmarks.search.results import read_suite
-from benchmarks.search.score import NOISY_TARGETS, compare
+from benchmarks.search.score import NOISE_FREE_TARGETS, NOISY_TARGETS, compare, interval, times
 
 WHOLE = "mfopt"
 INSTANCES = "1-3"
 CASES = {
+    "noise-free": (
+        "bbob/f1/d13", "bbob/f6/d13", "bbob/f8/d13", "bbob/f10/d13", "bbob/f13/d13", "bbob/f15/d13",
+    ),
     "ladder": (
         "ladder/f1/b1/n0", "ladder/f6/b1/n0", "ladder/f10/b0.3/n0",
         "ladder/f9/b0.3/n5", "ladder/f10/b1/n5", "ladder/f15/b1/n5",
@@ -38,11 +41,13 @@ def table(directory: Path) -> str:
     lines = ["| without | suite | median ratio | lost |", "|---|---|---|---|"]
     for suite, cases in CASES.items():
         results = read_suite(directory, "tuning", suite)
+        targets = NOISE_FREE_TARGETS if suite == "noise-free" else NOISY_TARGETS
         for name in _parts(suite):
-            s = compare(results[WHOLE], {name: results[name]}, NOISY_TARGETS, cases=cases)
+            s = compare(results[WHOLE], {name: results[name]}, targets, cases=cases)
+            instances = max(r.instances for r in s.ratios)
             part = name.removeprefix("mfopt-").removeprefix("no-").replace("-", " ")
             lines.append(
-                f"| {part} | {suite} | {s.median:.2f} ({s.low:.2f} to {s.high:.2f}) "
+                f"| {part} | {suite} | {times(s.median)}{interval(s, instances)} "
                 f"| {len(s.lost)} of {len(s.ratios)} |"
             )
     return "\n".join(lines)

@@ -20,7 +20,9 @@ from benchmarks.search.score import (
     Ratio,
     Summary,
     compare,
+    interval,
     share,
+    times,
 )
 from benchmarks.search.suites import SUITES, UNIMODAL
 
@@ -81,24 +83,34 @@ def report(directory: Path, search: str, kind: str) -> tuple[str, dict[str, Summ
 
 
 def draw(summaries: Mapping[str, Summary], path: Path) -> None:
-    """One strip a regime: the ratio on each case and target with its interval."""
+    """One strip a regime: the ratio on each case and target with its interval.
+
+    Triangles at the edge stand for ratios beyond it.
+    """
     import matplotlib
 
     matplotlib.use("svg")
     from matplotlib import pyplot as plt
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     figure, axes = plt.subplots(
         len(summaries), 1, figsize=(8, 1.2 + 1.8 * len(summaries)), squeeze=False
     )
     for axis, (title, summary) in zip(axes[:, 0], summaries.items(), strict=True):
         ratios = sorted(summary.ratios, key=lambda r: r.ratio)
+        bottom, top = _shown_range(ratios)
         for place, r in enumerate(ratios):
-            low, middle, high = (min(max(v, 1e-2), 1e3) for v in (r.low, r.ratio, r.high))
+            low, middle, high = np.clip([r.low, r.ratio, r.high], bottom, top)
             colour = "tab:red" if r.ratio < 1.0 else "tab:blue"
+            mark = "^" if r.ratio > top else "v" if r.ratio < bottom else "."
             axis.plot([place, place], [low, high], color=colour, linewidth=0.8, alpha=0.5)
-            axis.plot(place, middle, ".", color=colour, markersize=4)
+            axis.plot(place, middle, mark, color=colour, markersize=4, clip_on=False)
         axis.axhline(1.0, color="black", linewidth=0.8)
         axis.set_yscale("log")
+        axis.set_ylim(bottom, top)
+        axis.yaxis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
+        axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.yaxis.set_minor_formatter(NullFormatter())
         axis.set_ylabel("cost ratio")
         axis.set_title(title, fontsize=9)
         axis.set_xticks([])
@@ -106,6 +118,13 @@ def draw(summaries: Mapping[str, Summary], path: Path) -> None:
     figure.tight_layout()
     figure.savefig(path, metadata={"Date": None})
     plt.close(figure)
+
+
+def _shown_range(ratios: Sequence[Ratio]) -> tuple[float, float]:
+    """Least and largest ratio shown: those that are finite, with room, within a factor of 1000."""
+    known = [r.ratio for r in ratios if 0.0 < r.ratio < math.inf]
+    low, high = min(1.0, *known, 1.0), max(1.0, *known, 1.0)
+    return max(0.6 * low, 1e-3), min(1.6 * high, 1e3)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -145,7 +164,7 @@ def _row(regime: Regime, s: Summary, ours: Sequence[Result]) -> str:
     instances = len({r.instance for r in ours})
     counted = f"{len(s.ratios)}, lost {len(s.lost)}, unreached {len(s.unreached)}"
     return (
-        f"| {regime.title} | {_times(s.median)}{_interval(s, instances)} "
+        f"| {regime.title} | {times(s.median)}{interval(s, instances)} "
         f"| {regime.at_least:.2g} | {regime.aim} | {counted}; {instances} instances |"
     )
 
@@ -159,7 +178,7 @@ def _by_peer(
         s = compare(ours, {name: rows}, regime.targets, cases=_cases(regime))
         instances = max((r.instances for r in s.ratios), default=0)
         lines.append(
-            f"| {name} | {_times(s.median)}{_interval(s, instances)} "
+            f"| {name} | {times(s.median)}{interval(s, instances)} "
             f"| {len(s.lost)} of {len(s.ratios)} |"
         )
     return lines
@@ -187,7 +206,7 @@ def _lost(summary: Summary) -> list[str]:
 
 def _lost_row(r: Ratio) -> str:
     return (
-        f"| {r.case} | {share(r.target)} | {_times(r.ratio)}{_interval(r, r.instances)} "
+        f"| {r.case} | {share(r.target)} | {times(r.ratio)}{interval(r, r.instances)} "
         f"| {r.hits[0]}, {r.hits[1]} of {r.instances} | {r.other} |"
     )
 
@@ -203,15 +222,6 @@ def _cpu(directory: Path, search: str, kind: str) -> list[str]:
             longest = max(t.slowest_s for t in traces)
             lines.append(f"| {suite} | {median:.1f} s | {longest:.2f} s |")
     return lines
-
-
-def _interval(of: Summary | Ratio, instances: int) -> str:
-    """The interval in brackets; one instance has none."""
-    return f" ({_times(of.low)} to {_times(of.high)})" if instances > 1 else ""
-
-
-def _times(ratio: float) -> str:
-    return "never" if ratio == 0.0 else "inf" if math.isinf(ratio) else f"{ratio:.2f}"
 
 
 if __name__ == "__main__":

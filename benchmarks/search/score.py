@@ -7,6 +7,7 @@ spent, up to the hit or to the end of a run that failed, over the number of hits
 Source: Hansen, Auger, Brockhoff, Tusar & Tusar, COCO: performance assessment, arXiv:1605.03560.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -76,6 +77,16 @@ def share(target: int) -> str:
     """A target in words: the share of the first gap that may be left."""
     left = 10.0 ** (-target / CELLS_PER_DECADE)
     return f"{100.0 * left:.2g} %" if left >= 1e-3 else f"{left:.0e}"
+
+
+def times(ratio: float) -> str:
+    """A ratio of costs in words."""
+    return "never" if ratio == 0.0 else "inf" if math.isinf(ratio) else f"{ratio:.2f}"
+
+
+def interval(of: Summary | Ratio, instances: int) -> str:
+    """The 95 % interval in brackets; one instance has none."""
+    return f" ({times(of.low)} to {times(of.high)})" if instances > 1 else ""
 
 
 def by_case(results: Sequence[Result]) -> dict[str, dict[int, Trace]]:

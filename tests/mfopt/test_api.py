@@ -41,6 +41,16 @@ def test_a_kept_directory_is_not_run_again(tmp_path: Path) -> None:
     assert len(calls) == len(best.evaluations)
 
 
+def test_doubtful_candidates_run_again_within_the_plan() -> None:
+    def noisy(x: Array, seed: int) -> float:
+        return float(np.random.default_rng([seed, *np.frombuffer(x.tobytes(), np.uint32)]).normal())
+
+    best = mfopt.minimize({"f": noisy}, BOUNDS, generations=4, reevaluate="ranks")
+    designs = [tuple(e.candidate.x) for e in best.evaluations]
+    assert len(designs) <= 4 * 6
+    assert len(set(designs)) < len(designs)
+
+
 def test_failing_function_says_why() -> None:
     def broken(x: Array, seed: int) -> float:
         raise RuntimeError("licence expired")
@@ -60,6 +70,7 @@ def test_failing_function_says_why() -> None:
         ({"start": [0.5, float("nan")]}, "outside its bounds"),
         ({"sigma": 0.0}, "sigma = 0.0 must be above 0"),
         ({"population_size": 1}, "population_size = 1"),
+        ({"reevaluate": "all"}, "reevaluate = 'all' is none of none, ranks, elite"),
     ],
 )
 def test_wrong_arguments_are_named(change: dict[str, object], words: str) -> None:
@@ -91,6 +102,7 @@ def test_with_a_surrogate_it_keeps_to_its_budget_and_corrects_the_coarse_level()
         ({"budget": None}, "a surrogate needs a budget"),
         ({"budget": 0.5}, "budget = 0.5 is below the cost of one run at 'fine'"),
         ({"generations": 3}, "and no generations"),
+        ({"reevaluate": "ranks"}, 'reevaluate = "ranks" is for the search without a surrogate'),
         ({"surrogate": None}, "budget = 12 needs a surrogate"),
         ({"costs": {"coarse": 1}}, "costs are given for coarse, the levels are coarse, fine"),
         ({"costs": {"coarse": 0, "fine": 1}}, "coarse = 0 must be a finite number above 0"),

@@ -79,26 +79,23 @@ def _z(case: Case, x: Array) -> Array:
 
 
 def assisted(
-    case: Case, budget: float, seed: int, search: type[AssistedCmaEs] = AssistedCmaEs
+    case: Case,
+    budget: float,
+    seed: int,
+    search: type[AssistedCmaEs] = AssistedCmaEs,
+    levels: slice = slice(None),
 ) -> AssistedCmaEs:
-    """`mfopt.AssistedCmaEs` with the case's levels."""
+    """`mfopt.AssistedCmaEs` with the case's levels, or with some of them."""
     rungs = [Rung(name, cost) for name, cost in zip(level_names(case), case.costs, strict=True)]
     return search(
-        problem_of(case), rungs, AutoregressiveGp(), budget=budget, seed=seed, sigma=case.sigma0
-    )
-
-
-def assisted_on_target(case: Case, budget: float, seed: int) -> AssistedCmaEs:
-    """The same on the target level alone."""
-    rungs = [Rung(level_names(case)[-1], case.costs[-1])]
-    return AssistedCmaEs(
-        problem_of(case), rungs, AutoregressiveGp(), budget=budget, seed=seed, sigma=case.sigma0
-    )
+        problem_of(case), rungs[levels], AutoregressiveGp(), budget=budget, seed=seed,
+        sigma=case.sigma0,
+    )  # fmt: skip
 
 
 BUILDS: Mapping[str, Build] = {
     "mfopt": assisted,
-    "mfopt-target": assisted_on_target,
+    "mfopt-target": partial(assisted, levels=slice(-1, None)),
     **{name: partial(assisted, search=kind) for name, kind in ABLATIONS.items()},
     "mfopt-cmaes": planned_cmaes,
     "mfopt-cmaes-ranks": ranks,
