@@ -164,7 +164,7 @@ def _row(regime: Regime, s: Summary, ours: Sequence[Result]) -> str:
     instances = len({r.instance for r in ours})
     counted = f"{len(s.ratios)}, lost {len(s.lost)}, unreached {len(s.unreached)}"
     return (
-        f"| {regime.title} | {times(s.median)}{interval(s, instances)} "
+        f"| {regime.title} | {times(s.centre)}{interval(s, instances)} "
         f"| {regime.at_least:.2g} | {regime.aim} | {counted}; {instances} instances |"
     )
 
@@ -178,7 +178,7 @@ def _by_peer(
         s = compare(ours, {name: rows}, regime.targets, cases=_cases(regime))
         instances = max((r.instances for r in s.ratios), default=0)
         lines.append(
-            f"| {name} | {times(s.median)}{interval(s, instances)} "
+            f"| {name} | {times(s.centre)}{interval(s, instances)} "
             f"| {len(s.lost)} of {len(s.ratios)} |"
         )
     return lines

@@ -3,12 +3,13 @@
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from benchmarks.search.case import Trace
 from benchmarks.search.report import report
 from benchmarks.search.results import Result, append, done, kind_of, read, result_file
-from benchmarks.search.score import compare, expected_running_time, hit, share
+from benchmarks.search.score import compare, expected_running_time, geometric_mean, hit, share
 
 
 def _trace(*entries: tuple[float, int], cost: float = 100.0) -> Trace:
@@ -37,10 +38,15 @@ def test_the_ratio_is_of_expected_running_times_over_common_instances() -> None:
     ours = _results("mfopt", [_trace((10, 25)), _trace((20, 25))])
     theirs = _results("pycma", [_trace((30, 25)), _trace((60, 25)), _trace((1, 25))])
     summary = compare(ours, {"pycma": theirs}, [20])
-    assert summary.median == pytest.approx(3.0)
+    assert summary.centre == pytest.approx(3.0)
     assert summary.low <= 3.0 <= summary.high
     assert summary.ratios[0].instances == 2
     assert not summary.lost
+
+
+def test_the_geometric_mean_limits_what_only_one_reached() -> None:
+    ratios = np.array([[4.0, 1.0], [1.0, np.inf], [2.0, 0.0]])
+    np.testing.assert_allclose(geometric_mean(ratios), [2.0, 1.0])
 
 
 def test_lost_and_unreached_cases_are_named() -> None:
