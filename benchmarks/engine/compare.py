@@ -163,11 +163,12 @@ def comparison_table(rows: Sequence[Row], reference: str, other: str) -> str:
     for row in rows:
         d = row.difference
         mean = [f"{m:.4g} {row.unit}".removesuffix(" -") for m in row.means]
+        within = "" if math.isnan(d.low) else f" ({d.low:+.1%} to {d.high:+.1%})"
         distance = "" if row.distance is None else f", distributions {row.distance:.3f} apart"
         lines.append(
             f"| {row.scene} | {row.quantity} | {row.grains} | {row.runs[0]} / {row.runs[1]} "
             f"| {row.failed[0]} / {row.failed[1]} | {mean[0]} | {mean[1]} "
-            f"| {d.estimate:+.1%} ({d.low:+.1%} to {d.high:+.1%}){distance} "
+            f"| {d.estimate:+.1%}{within}{distance} "
             f"| {'yes' if d.inside(LIMIT) else 'no'} ({row.needed or '?'}) "
             f"| {row.p:.2g} | {row.p_family:.2g} | {row.verdict} |"
         )
