@@ -1,12 +1,15 @@
 """Each ablation lacks its part, and nothing else keeps it from searching."""
 
 from collections import Counter
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from benchmarks.search.peers.ablations import (
     ABLATIONS,
+    Finalists,
+    MovesDown,
     NoPrescreening,
     NoProposal,
     NoTransfer,
@@ -86,3 +89,23 @@ def test_without_transfer_the_surrogate_knows_its_own_level() -> None:
 
     assert known(NoTransfer) == (1,)
     assert known(AssistedCmaEs) == (0, 1)
+
+
+def test_levels_that_rank_alike_are_gone_back_to() -> None:
+    def goes_down(kind: type[AssistedCmaEs]) -> bool:
+        search, levels = kind(PROBLEM, TWO, AutoregressiveGp(), budget=400.0, seed=1), ["0"]
+        while search.should_stop() is None:
+            asked = search.ask()
+            search.tell(asked, [bowl(c.x) for c in asked])
+            levels.append(search.generation.level)
+        return ("1", "0") in pairwise(levels)
+
+    assert goes_down(MovesDown)
+    assert not goes_down(AssistedCmaEs)
+
+
+def test_the_last_runs_are_of_few_designs() -> None:
+    def distinct(kind: type[AssistedCmaEs]) -> int:
+        return len({tuple(c.x) for c in searched(kind, ONE, 60.0)[1][-Finalists.LAST :]})
+
+    assert distinct(Finalists) <= Finalists.MOST < distinct(AssistedCmaEs)
