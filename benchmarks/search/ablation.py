@@ -45,7 +45,11 @@ CASES = {
         "noisy/f110/d13", "noisy/f116/d13",
     ),
 }  # fmt: skip
-LADDERS_ONLY = ("mfopt-no-transfer", "mfopt-planned-levels", "mfopt-with-moves-down")
+VARIANTS = {
+    "noise-free": ("mfopt-no-proposal", "mfopt-no-prescreening"),
+    "ladder": tuple(ABLATIONS),
+    "noisy": ("mfopt-no-proposal", "mfopt-no-prescreening", "mfopt-with-finalists"),
+}
 
 
 def table(directory: Path) -> str:
@@ -54,15 +58,15 @@ def table(directory: Path) -> str:
     for suite, cases in CASES.items():
         results = read_suite(directory, "tuning", suite)
         targets = NOISE_FREE_TARGETS if suite == "noise-free" else NOISY_TARGETS
-        for name in _parts(suite):
+        for name in VARIANTS[suite]:
             s, middle = (
                 compare(results[WHOLE], {name: results[name]}, targets, cases=cases, centre=centre)
                 for centre in (geometric_mean, median)
             )
             instances = max(r.instances for r in s.ratios)
-            part = name.removeprefix("mfopt-").replace("-", " ")
+            variant = name.removeprefix("mfopt-").replace("-", " ")
             lines.append(
-                f"| {part} | {suite} | {times(s.centre)}{interval(s, instances)} "
+                f"| {variant} | {suite} | {times(s.centre)}{interval(s, instances)} "
                 f"| {times(middle.centre)}{interval(middle, instances)} "
                 f"| {len(s.lost)} of {len(s.ratios)} |"
             )
@@ -76,16 +80,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--jobs", type=int, default=1)
     given = parser.parse_args(arguments)
     for suite, cases in CASES.items():
-        words = ["--suite", suite, "--peers", WHOLE, *_parts(suite), "--instances", INSTANCES]
+        words = ["--suite", suite, "--peers", WHOLE, *VARIANTS[suite], "--instances", INSTANCES]
         words += ["--cases", *cases, "--out", str(given.directory), "--jobs", str(given.jobs)]
         if failed := run.main(words):
             return failed
     print(table(given.directory))
     return 0
-
-
-def _parts(suite: str) -> list[str]:
-    return [name for name in ABLATIONS if suite == "ladder" or name not in LADDERS_ONLY]
 
 
 if __name__ == "__main__":
