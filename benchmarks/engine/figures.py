@@ -80,7 +80,10 @@ def _band(panel: "Axes", x: Array, curves: Array, style: Any) -> None:
 
 
 def _strip(rows: Sequence[Row]) -> "Figure":
-    """Relative difference and interval of every row, with the limits aimed at."""
+    """Relative difference and interval of every row, with the limits aimed at.
+
+    A single run has no interval; its point is hollow.
+    """
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(WIDTH, 0.6 + 0.21 * len(rows)), layout="constrained")
@@ -91,7 +94,8 @@ def _strip(rows: Sequence[Row]) -> "Figure":
         d = row.difference
         colour = ORANGE if row.verdict == "different" else BLUE
         panel.plot([100 * d.low, 100 * d.high], [place, place], color=colour, lw=1.4)
-        panel.plot([100 * d.estimate], [place], "o", color=colour, ms=4)
+        filled = "none" if np.isnan(d.low) else colour
+        panel.plot([100 * d.estimate], [place], "o", color=colour, ms=4, mfc=filled)
     labels = [f"{row.scene}: {row.quantity}, {row.grains}" for row in rows]
     panel.set_yticks(range(len(rows)), labels, fontsize=8)
     panel.invert_yaxis()
