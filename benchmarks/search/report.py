@@ -122,9 +122,8 @@ def draw(summaries: Mapping[str, Summary], path: Path) -> None:
 
 def _shown_range(ratios: Sequence[Ratio]) -> tuple[float, float]:
     """Least and largest ratio shown: those that are finite, with room, within a factor of 1000."""
-    known = [r.ratio for r in ratios if 0.0 < r.ratio < math.inf]
-    low, high = min(1.0, *known, 1.0), max(1.0, *known, 1.0)
-    return max(0.6 * low, 1e-3), min(1.6 * high, 1e3)
+    known = [1.0, *(r.ratio for r in ratios if 0.0 < r.ratio < math.inf)]
+    return max(0.6 * min(known), 1e-3), min(1.6 * max(known), 1e3)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
