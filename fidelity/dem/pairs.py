@@ -6,9 +6,7 @@ import numpy as np
 
 from fidelity.dem.compiled import compiled, inlined
 from fidelity.dem.law import contact_force, slide, spring_loss, turn_into_plane
-from fidelity.dem.state import ELASTIC, OVERLAP, PAIRS, SIDE, SLIP, TOUCHING
-
-BLOCK = 2048  # pairs
+from fidelity.dem.state import BLOCK, ELASTIC, OVERLAP, PAIRS, SIDE, SLIP, TOUCHING
 
 
 @compiled
@@ -44,11 +42,11 @@ def pair_forces(state, pairs, touching, law, pair, dt, measure):  # type: ignore
             dy = place[i, 1] - place[j, 1]
             dz = place[i, 2] - place[j, 2]
             both = place[i, 3] + place[j, 3]
-            close[p] = dx * dx + dy * dy + dz * dz < both * both
+            close[p - block] = dx * dx + dy * dy + dz * dz < both * both
         q_begin = count
         for p in range(block, end):
             new[count] = p
-            count += close[p]
+            count += close[p - block]
         for q in range(q_begin, count):
             p = new[q]
             while o < o_end and old_pair[o] < p:

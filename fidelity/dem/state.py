@@ -31,6 +31,7 @@ GRAINS, STEP, STALE, PAIRS, ENTRIES, TOUCHING, SIDE = range(7)
     LARGEST_KINETIC,
 ) = range(12)
 
+BLOCK = 2048  # pairs that are looked at together
 WALL_CONTACTS = 8  # of one sphere at once, at most
 HISTORY = 9  # of a wall contact: normal, tangential force, rolling moment
 
@@ -65,7 +66,7 @@ class Pairs(NamedTuple):
 
     first: NDArray[np.uint32]  # (p,) sphere
     other: NDArray[np.uint32]  # (p,) sphere
-    close: NDArray[np.uint8]  # (p,) whether they touch now
+    close: NDArray[np.uint8]  # (BLOCK,) of the pairs that are looked at, whether they touch now
 
 
 class Touching(NamedTuple):
@@ -193,7 +194,7 @@ def new_pairs(capacity: int) -> Pairs:
     return Pairs(
         np.zeros(capacity, dtype=np.uint32),
         np.zeros(capacity, dtype=np.uint32),
-        np.zeros(capacity, dtype=np.uint8),
+        np.zeros(BLOCK, dtype=np.uint8),
     )
 
 
