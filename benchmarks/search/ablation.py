@@ -20,8 +20,7 @@ from benchmarks.search.peers.ablations import ABLATIONS
 from benchmarks.search.reproduce import FULL
 from benchmarks.search.results import read_suite
 from benchmarks.search.score import (
-    NOISE_FREE_TARGETS,
-    NOISY_TARGETS,
+    TARGETS,
     compare,
     geometric_mean,
     interval,
@@ -56,8 +55,7 @@ def table(directory: Path) -> str:
     """The ratios as Markdown."""
     lines = ["| variant | suite | geometric mean | median | lost |", "|---|---|---|---|---|"]
     for suite, cases in CASES.items():
-        results = read_suite(directory, "tuning", suite)
-        targets = NOISE_FREE_TARGETS if suite == "noise-free" else NOISY_TARGETS
+        results, targets = read_suite(directory, "tuning", suite), TARGETS[suite]
         for name in VARIANTS[suite]:
             s, middle = (
                 compare(results[WHOLE], {name: results[name]}, targets, cases=cases, centre=centre)

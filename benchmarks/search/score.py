@@ -18,8 +18,13 @@ from benchmarks.search.case import CELLS_PER_DECADE, Array, Trace
 from benchmarks.search.results import Result
 
 RESAMPLES = 1000
-NOISE_FREE_TARGETS = (20, 40, 60, 80)  # cells: 10 %, 1 %, 0.1 %, 1e-4 of the first gap
-NOISY_TARGETS = (20, 30, 40)  # 10 %, 3.2 %, 1 %
+UNDER_NOISE = (20, 30, 40)  # cells: 10 %, 3.2 %, 1 % of the first gap
+TARGETS: Mapping[str, tuple[int, ...]] = {  # by suite
+    "noise-free": (20, 40, 60, 80),  # 10 %, 1 %, 0.1 %, 1e-4
+    "noisy": UNDER_NOISE,
+    "ladder": UNDER_NOISE,
+    "bad": UNDER_NOISE,
+}
 LIMIT = 10.0  # of a ratio in a geometric mean
 
 Key = tuple[str, int]  # case, target cell
