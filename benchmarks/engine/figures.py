@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 POINTS = 300  # of a curve
 BAND = (5.0, 95.0)  # percentiles over seeds
+SHOWN = 0.35  # largest relative difference that is drawn
 
 
 def draw_all(runs: Sequence[Run], rows: Sequence[Row], engines: Sequence[str], out: Path) -> None:
@@ -82,7 +83,7 @@ def _band(panel: "Axes", x: Array, curves: Array, style: Any) -> None:
 def _strip(rows: Sequence[Row]) -> "Figure":
     """Relative difference and interval of every row, with the limits aimed at.
 
-    A single run has no interval; its point is hollow.
+    A single run has no interval; its point is hollow. An arrow stands for what lies beyond `SHOWN`.
     """
     from matplotlib.figure import Figure
 
@@ -92,10 +93,15 @@ def _strip(rows: Sequence[Row]) -> "Figure":
     panel.axvline(0.0, color=GREY, lw=0.8)
     for place, row in enumerate(rows):
         d = row.difference
+        low, middle, high = 100 * np.clip([d.low, d.estimate, d.high], -SHOWN, SHOWN)
         colour = ORANGE if row.verdict == "different" else BLUE
-        panel.plot([100 * d.low, 100 * d.high], [place, place], color=colour, lw=1.4)
+        panel.plot([low, high], [place, place], color=colour, lw=1.4)
         filled = "none" if np.isnan(d.low) else colour
-        panel.plot([100 * d.estimate], [place], "o", color=colour, ms=4, mfc=filled)
+        panel.plot([middle], [place], "o", color=colour, ms=4, mfc=filled)
+        for beyond, edge, arrow in ((d.low < -SHOWN, low, "<"), (d.high > SHOWN, high, ">")):
+            if beyond:
+                panel.plot([edge], [place], arrow, color=colour, ms=5, clip_on=False)
+    panel.set_xlim(-100 * SHOWN, 100 * SHOWN)
     labels = [f"{row.scene}: {row.quantity}, {row.grains}" for row in rows]
     panel.set_yticks(range(len(rows)), labels, fontsize=8)
     panel.invert_yaxis()
