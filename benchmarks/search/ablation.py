@@ -1,6 +1,6 @@
 """What each part of the assisted search is worth: the search against itself without the part.
 
-Two parts that it does not have are measured the same way: the search against itself with them.
+Three parts that it does not have are measured the same way: the search against itself with them.
 
 python -m benchmarks.search.ablation [--in benchmarks/search/results] [--jobs 1]
 
@@ -45,10 +45,13 @@ CASES = {
     ),
 }  # fmt: skip
 VARIANTS = {
-    "noise-free": ("mfopt-no-proposal", "mfopt-no-prescreening"),
+    "noise-free": ("mfopt-no-proposal", "mfopt-no-prescreening", "mfopt-whole-under-noise"),
     "ladder": tuple(ABLATIONS),
-    "noisy": ("mfopt-no-proposal", "mfopt-no-prescreening", "mfopt-with-finalists"),
-}
+    "noisy": (
+        "mfopt-no-proposal", "mfopt-no-prescreening", "mfopt-whole-under-noise",
+        "mfopt-with-finalists",
+    ),
+}  # fmt: skip
 
 
 def table(directory: Path) -> str:

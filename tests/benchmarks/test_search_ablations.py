@@ -14,6 +14,7 @@ from benchmarks.search.peers.ablations import (
     NoProposal,
     NoTransfer,
     PlannedLevels,
+    WholeUnderNoise,
 )
 from mfopt.arrays import Array
 from mfopt.assisted import AssistedCmaEs
@@ -66,6 +67,22 @@ def test_without_prescreening_whole_generations_are_run() -> None:
 
     assert least(NoPrescreening) == SIZE
     assert least(AssistedCmaEs) < SIZE
+
+
+def test_whole_generations_are_run_only_where_runs_scatter() -> None:
+    def least(noise: float) -> int:
+        rng, runs = np.random.default_rng(0), Counter[int]()
+        search = WholeUnderNoise(
+            PROBLEM, ONE, AutoregressiveGp(), budget=60.0, seed=1, population_size=SIZE
+        )  # fmt: skip
+        while search.should_stop() is None:
+            asked = search.ask()
+            runs.update(c.generation for c in asked)
+            search.tell(asked, [bowl(c.x) + noise * rng.standard_normal() for c in asked])
+        return min(n for generation, n in runs.items() if 2 < generation < max(runs))
+
+    assert least(0.0) < SIZE
+    assert least(0.01) >= SIZE
 
 
 def test_without_proposals_a_bowl_takes_longer() -> None:
