@@ -221,6 +221,8 @@ class AssistedCmaEs:
         self._open = list(range(self._size))
         if self._affordable:  # besides validation and exchange
             self._take(0, awaited=True)
+        elif not self._plan:  # sampling turned the coordinates, and another design is recommended
+            self._finish()
 
     def _finish(self) -> None:
         """Run the recommended design at the target level if it was not, then stop."""

@@ -139,6 +139,34 @@ def test_one_level_keeps_to_a_budget_below_a_generation(budget: float) -> None:
     assert len(run(search, {"f": sphere})) == budget
 
 
+class Fickle(AssistedCmaEs):
+    """One whose last candidates are sampled in coordinates that recommend another design."""
+
+    def _proposal(self) -> Array:
+        self.fickle = True
+        return super()._proposal()
+
+    def _recommended(self) -> Array | None:
+        best = super()._recommended()
+        if best is None or self._stop is not None:
+            return best
+        return np.full(6, 0.99) if getattr(self, "fickle", False) else self._archive.z[0]
+
+    def _open_generation(self) -> None:
+        self.fickle = False
+        super()._open_generation()
+
+
+@pytest.mark.parametrize("budget", [40.0, 41.0, 42.0, 43.0])
+def test_a_change_of_mind_at_the_end_of_the_budget_ends_the_search(budget: float) -> None:
+    search = Fickle(problem(), [Rung("one", 1.0)], AutoregressiveGp(), budget=budget, seed=1)
+    while search.should_stop() is None:
+        asked = search.ask()
+        assert asked or search.should_stop()
+        search.tell(asked, [sphere(c.x) for c in asked])
+    assert search.recommended() is not None
+
+
 @pytest.mark.parametrize("workers", [1, 4])
 def test_the_budget_is_never_exceeded_and_no_worker_waits(workers: int) -> None:
     rungs = [Rung("coarse", 0.3), Rung("fine", 1.0)]
