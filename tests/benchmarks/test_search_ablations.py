@@ -34,17 +34,18 @@ def bowl(x: Array) -> float:
 
 
 def searched(
-    kind: type[AssistedCmaEs], rungs: tuple[Rung, ...], budget: float
+    kind: type[AssistedCmaEs], rungs: tuple[Rung, ...], budget: float, noise: float = 0.0
 ) -> tuple[AssistedCmaEs, list[Candidate]]:
     """The search at its end, and all that it ran."""
     search = kind(
         PROBLEM, rungs, AutoregressiveGp(), budget=budget, seed=1, population_size=SIZE
     )  # fmt: skip
     ran: list[Candidate] = []
+    rng = np.random.default_rng(0)
     while search.should_stop() is None:
         asked = search.ask()
         ran += asked
-        search.tell(asked, [bowl(c.x) for c in asked])
+        search.tell(asked, [bowl(c.x) + noise * rng.standard_normal() for c in asked])
     return search, ran
 
 
@@ -71,14 +72,7 @@ def test_without_prescreening_whole_generations_are_run() -> None:
 
 def test_whole_generations_are_run_only_where_runs_scatter() -> None:
     def least(noise: float) -> int:
-        rng, runs = np.random.default_rng(0), Counter[int]()
-        search = WholeUnderNoise(
-            PROBLEM, ONE, AutoregressiveGp(), budget=60.0, seed=1, population_size=SIZE
-        )  # fmt: skip
-        while search.should_stop() is None:
-            asked = search.ask()
-            runs.update(c.generation for c in asked)
-            search.tell(asked, [bowl(c.x) + noise * rng.standard_normal() for c in asked])
+        runs = Counter(c.generation for c in searched(WholeUnderNoise, ONE, 60.0, noise)[1])
         return min(n for generation, n in runs.items() if 2 < generation < max(runs))
 
     assert least(0.0) < SIZE
