@@ -4,14 +4,14 @@
         --grains 300 1000 --seeds 1-10 --out DIR
     python -m benchmarks.engine.agreement report --in DIR --reference yade --out DIR2
 
-A run that is in the directory is not run again, so a campaign can be stopped and continued.
+A run that is there is not run again, so a campaign can be stopped and continued.
 """
 
 import argparse
 import json
 import sys
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -24,11 +24,11 @@ from benchmarks.engine.compare import (
     samples,
 )
 from benchmarks.engine.figures import draw_all
-from benchmarks.engine.runs import read_runs, run_path, write_run
+from benchmarks.engine.runs import Run, add_run, read_runs, runs_in
 from benchmarks.engine.scenes import engine_named, run_scene, scene_names
 from mfopt.errors import ConfigError, MfoptError
 
-Task = tuple[str, str, int, int, Path]  # engine, scene, grains, seed, file
+Task = tuple[str, str, int, int]  # engine, scene, grains, seed
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -44,7 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="agreement", description="agreement of grain engines")
     commands = parser.add_subparsers(required=True)
-    run = commands.add_parser("run", help="run scenes on engines, one file a run")
+    run = commands.add_parser("run", help="run scenes on engines")
     run.add_argument("--engines", nargs="+", required=True)
     run.add_argument("--scenes", nargs="+", required=True)
     run.add_argument("--grains", nargs="+", type=int, required=True)
@@ -84,32 +84,32 @@ def _run(given: argparse.Namespace) -> int:
     print(f"{len(tasks)} runs to do", flush=True)
     if given.jobs == 1:
         for task in tasks:
-            print(_one(task), flush=True)
+            _keep(given.out, run_scene(*task))
         return 0
     with ProcessPoolExecutor(given.jobs, mp_context=get_context("spawn")) as pool:
-        for line in pool.map(_one, tasks):
-            print(line, flush=True)
+        for done in as_completed([pool.submit(run_scene, *task) for task in tasks]):
+            _keep(given.out, done.result())
     return 0
 
 
 def _tasks(given: argparse.Namespace) -> list[Task]:
     """What is not there yet; seed after seed, so that a stopped campaign is balanced."""
     scenes, seeds = scene_names(given.scenes), seeds_of(given.seeds)
+    there = {(run.engine, run.scene, run.grains, run.seed) for run in runs_in(given.out)}
     everything = [
-        (engine, scene, grains, seed, run_path(given.out, engine, scene, grains, seed))
+        (engine, scene, grains, seed)
         for grains in given.grains
         for seed in seeds
         for scene in scenes
         for engine in given.engines
     ]
-    return [task for task in everything if not task[-1].exists()]
+    return [task for task in everything if task not in there]
 
 
-def _one(task: Task) -> str:
-    engine, scene, grains, seed, path = task
-    run = run_scene(engine, scene, grains, seed)
-    write_run(path, run)
-    return f"{path.stem} {run.status} {run.cpu_s:.1f} CPU s {run.why or ''}".strip()
+def _keep(directory: Path, run: Run) -> None:
+    add_run(directory, run)
+    name = f"{run.engine} {run.scene} {run.grains} {run.seed}"
+    print(f"{name} {run.status} {run.cpu_s:.1f} CPU s {run.why or ''}".strip(), flush=True)
 
 
 def _report(given: argparse.Namespace) -> int:

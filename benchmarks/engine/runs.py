@@ -1,12 +1,11 @@
-"""Runs of the agreement campaign: a record, one small JSON file each.
+"""Runs of the agreement campaign: records, one line of JSON each.
 
-A file says by its content, not its name, what it holds: `engine`, `grains`, `seed`, `status`,
-`why`, `raw` (arrays by name, SI units), `work`, `cpu_s`; `scene` (dosing where it is absent),
-for dosing the name of the `design`, and `settings` where a scene has some.
+A file holds the runs of one scene of one size on one engine. A line says by itself what it holds:
+`engine`, `scene`, `grains`, `seed`, `status`, `why`, `raw` (arrays by name, SI units), `work`,
+`cpu_s` and `settings`. A line that was cut off is no run.
 """
 
 import json
-import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,7 +17,7 @@ from mfopt.arrays import AnyArray
 from mfopt.errors import ConfigError
 from mfopt.outcome import Status
 
-DIGITS = 9  # significant digits kept: finer than any engine, a third of the size
+DIGITS = 6  # significant digits kept: finer than the time step of any engine
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,18 +41,11 @@ class Run:
         return self.status == "finished"
 
 
-def run_path(directory: Path, engine: str, scene: str, grains: int, seed: int) -> Path:
-    """File of a run."""
-    return directory / f"{engine}-{scene.replace(':', '-')}-{grains}-{seed}.json"
-
-
-def write_run(path: Path, run: Run) -> None:
-    """Write the run aside and rename it, so that a file that is there is whole."""
-    scene, _, design = run.scene.partition(":")
+def add_run(directory: Path, run: Run) -> None:
+    """Add the run to the file of its engine, scene and size, past a line that was cut off."""
     content = {
         "engine": run.engine,
-        "scene": scene,
-        **({"design": design} if design else {}),
+        "scene": run.scene,
         "grains": run.grains,
         "seed": run.seed,
         "status": run.status,
@@ -63,9 +55,10 @@ def write_run(path: Path, run: Run) -> None:
         "cpu_s": run.cpu_s,
         "settings": dict(run.settings),
     }
-    aside = path.with_suffix(".tmp")
-    aside.write_text(json.dumps(content), encoding="utf-8")
-    os.replace(aside, path)
+    path = directory / f"{run.engine}-{run.scene.replace(':', '-')}-{run.grains}.jsonl"
+    cut_off = path.exists() and not path.read_bytes().endswith(b"\n")
+    with path.open("a", encoding="utf-8") as file:
+        file.write("\n" * cut_off + json.dumps(content) + "\n")
 
 
 def _short(values: AnyArray) -> Any:
@@ -73,19 +66,33 @@ def _short(values: AnyArray) -> Any:
     return text(values).tolist() if np.size(values) else []
 
 
-def read_run(path: Path) -> Run:
-    """Read a run back.
+def runs_in(directory: Path) -> list[Run]:
+    """All runs of a directory by file and seed; none where there is no directory yet.
 
     Raises:
-        ConfigError: if the file is no run.
+        ConfigError: if a line is something else than a run.
     """
+    runs = []
+    for path in sorted(directory.glob("*.jsonl")):
+        lines = path.read_text(encoding="utf-8").splitlines()
+        given = [(f"{path}:{n}", _parsed(line)) for n, line in enumerate(lines, 1)]
+        found = [_run(place, content) for place, content in given if content is not None]
+        runs += sorted(found, key=lambda run: run.seed)
+    return runs
+
+
+def _parsed(line: str) -> Any:
     try:
-        given = json.loads(path.read_text(encoding="utf-8"))
-        design = given.get("design")
-        scene = given.get("scene", "dosing")
+        return json.loads(line)
+    except ValueError:
+        return None  # cut off; the run is made again
+
+
+def _run(place: str, given: Any) -> Run:
+    try:
         return Run(
             engine=given["engine"],
-            scene=scene if design is None else f"{scene}:{design}",
+            scene=given["scene"],
             grains=int(given["grains"]),
             seed=int(given["seed"]),
             status=given["status"],
@@ -93,19 +100,19 @@ def read_run(path: Path) -> Run:
             raw={name: np.asarray(values, float) for name, values in given["raw"].items()},
             work=float(given["work"]),
             cpu_s=float(given["cpu_s"]),
-            settings=given.get("settings", {}),
+            settings=given["settings"],
         )
     except (KeyError, TypeError, ValueError) as error:
-        raise ConfigError(f"{path} is no run of the campaign ({error!r}); remove it") from error
+        raise ConfigError(f"{place} is no run of the campaign ({error!r}); remove it") from error
 
 
 def read_runs(directories: Iterable[Path]) -> list[Run]:
-    """Read all runs in some directories, in the order of their names.
+    """Read all runs of some directories.
 
     Raises:
         ConfigError: if there is none, or one was run with other settings than its peers.
     """
-    runs = [read_run(path) for folder in directories for path in sorted(folder.glob("*.json"))]
+    runs = [run for directory in directories for run in runs_in(directory)]
     if not runs:
         raise ConfigError("there are no runs in the given directories; run the campaign first")
     first: dict[tuple[str, int], Mapping[str, Any]] = {}

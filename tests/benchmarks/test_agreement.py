@@ -11,7 +11,7 @@ import pytest
 from benchmarks.engine import agreement
 from benchmarks.engine.agreement import main, seeds_of
 from benchmarks.engine.compare import Row, as_mapping, compare, comparison_table, samples
-from benchmarks.engine.runs import Run, read_run, read_runs, run_path, write_run
+from benchmarks.engine.runs import Run, add_run, read_runs, runs_in
 from benchmarks.engine.scenes import DESIGNS, portion_of, run_scene, scene_names
 from fidelity.dosing import design, dosing_problem
 from fidelity.settings import DosingSettings
@@ -91,40 +91,42 @@ def test_a_row_says_its_verdict_in_table_and_json() -> None:
     assert stored["difference"]["low"] < stored["difference"]["estimate"]
 
 
-def test_a_file_gives_back_its_run(tmp_path: Path) -> None:
-    run = replace(made_up("yade", "dosing:wide", 60, 3), settings={"damping": 0.125, "depth": None})
-    path = run_path(tmp_path, "yade", "dosing:wide", 60, 3)
-    write_run(path, run)
-    assert [p.name for p in tmp_path.iterdir()] == ["yade-dosing-wide-60-3.json"]
-    back = read_run(path)
+def test_a_file_gives_back_its_runs_by_seed(tmp_path: Path) -> None:
+    for seed in (12, 3):
+        run = made_up("yade", "dosing:wide", 60, seed)
+        add_run(tmp_path, replace(run, settings={"damping": 0.125, "depth": None}))
+    assert [p.name for p in tmp_path.iterdir()] == ["yade-dosing-wide-60.jsonl"]
+    back, last = runs_in(tmp_path)
     assert (back.engine, back.scene, back.grains, back.seed) == ("yade", "dosing:wide", 60, 3)
-    assert back.settings == run.settings
-    np.testing.assert_allclose(back.raw["passage_times"], run.raw["passage_times"], rtol=1e-8)
+    assert last.seed == 12
+    assert back.settings == {"damping": 0.125, "depth": None}
+    same = made_up("yade", "dosing:wide", 60, 3)
+    np.testing.assert_allclose(back.raw["passage_times"], same.raw["passage_times"], rtol=1e-5)
     assert back.raw["duration"].shape == ()
 
 
-def test_a_dosing_run_without_scene_and_settings_is_taken(tmp_path: Path) -> None:
-    content = {
-        "engine": "yade", "design": "wide", "grains": 60, "seed": 1, "x": [1.0], "work": 1.0,
-        "status": "finished", "why": None, "cpu_s": 1.0, "raw": {"passage_times": [0.1, 0.2]},
-    }  # fmt: skip
-    (tmp_path / "any.json").write_text(json.dumps(content))
-    assert read_run(tmp_path / "any.json").scene == "dosing:wide"
+def test_a_line_that_was_cut_off_costs_no_other_run(tmp_path: Path) -> None:
+    add_run(tmp_path, made_up("yade", "heap", 60, 1))
+    (file,) = tmp_path.iterdir()
+    file.write_text(file.read_text() + file.read_text()[:50])
+    assert [run.seed for run in runs_in(tmp_path)] == [1]
+    add_run(tmp_path, made_up("yade", "heap", 60, 2))
+    assert [run.seed for run in runs_in(tmp_path)] == [1, 2]
 
 
 def test_runs_of_another_machine_are_not_mixed_in(tmp_path: Path) -> None:
     for seed, width in ((1, 0.08), (2, 0.09)):
         run = replace(made_up("yade", "silo", 60, seed), settings={"width": width})
-        write_run(run_path(tmp_path, "yade", "silo", 60, seed), run)
+        add_run(tmp_path, run)
     with pytest.raises(ConfigError, match="settings"):
         read_runs([tmp_path])
 
 
 def test_what_is_no_run_is_named(tmp_path: Path) -> None:
-    (tmp_path / "torn.json").write_text('{"engine": "yade"')
-    with pytest.raises(ConfigError, match=r"torn\.json"):
-        read_run(tmp_path / "torn.json")
-    (tmp_path / "torn.json").unlink()
+    (tmp_path / "other.jsonl").write_text('{"engine": "yade"}\n')
+    with pytest.raises(ConfigError, match=r"other\.jsonl:1"):
+        read_runs([tmp_path])
+    (tmp_path / "other.jsonl").unlink()
     with pytest.raises(ConfigError, match="no runs"):
         read_runs([tmp_path])
 
@@ -163,7 +165,8 @@ def test_a_campaign_goes_on_where_it_stopped(
     command = ["run", "--engines", "yade", "--scenes", "heap", "silo", "--grains", "60"]
     assert main([*command, "--seeds", "1-2", "--out", str(tmp_path)]) == 0
     assert len(ran) == 4
-    (tmp_path / "yade-silo-60-2.json").unlink()
+    file = tmp_path / "yade-silo-60.jsonl"
+    file.write_text(file.read_text().splitlines()[0] + "\n")
     assert main([*command, "--seeds", "1-3", "--out", str(tmp_path)]) == 0
     assert ran[4:] == [("yade", "silo", 60, 2), ("yade", "heap", 60, 3), ("yade", "silo", 60, 3)]
 
@@ -172,7 +175,7 @@ def test_the_report_prints_tables_and_draws_figures(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for run in campaign("yade", "twin", scenes=ALL, seeds=3):
-        write_run(run_path(tmp_path, run.engine, run.scene, run.grains, run.seed), run)
+        add_run(tmp_path, run)
     out = tmp_path / "report"
     assert main(["report", "--in", str(tmp_path), "--out", str(out)]) == 0
     assert "| heap | heap angle | 60 | 3 / 3 |" in capsys.readouterr().out
