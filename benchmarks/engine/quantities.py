@@ -35,8 +35,12 @@ def _passage_times(raw: Raw) -> Array:
     return np.asarray(raw["passage_times"], float)
 
 
-def _dispersion(raw: Raw) -> float:
+def _objective(raw: Raw) -> float:
     return sum(dispersion(raw).values())
+
+
+def _dispersion(raw: Raw) -> float:
+    return dispersion(raw)["dispersion"]
 
 
 # Of a distribution the number is its mean.
@@ -47,7 +51,8 @@ QUANTITIES = (
     ),
     Quantity("heap angle", "heap", "deg", lambda raw: float(np.degrees(raw["angle"]))),
     Quantity("share of the weight on the walls", "silo", "-", lambda raw: float(raw["wall_share"])),
-    Quantity("dosing objective", "dosing", "s", _dispersion),
+    Quantity("dosing objective", "dosing", "s", _objective),
+    Quantity("objective without grains left", "dosing", "s", _dispersion),
     Quantity(
         "passage times",
         "dosing",

@@ -57,7 +57,7 @@ ALL = ("discharge", "heap", "silo", "dosing:wide")
 def test_the_same_physics_is_no_difference_and_another_one_is() -> None:
     runs = campaign("yade", "twin", "other", scenes=ALL)
     same, apart = compare(runs, "yade", "twin"), compare(runs, "yade", "other")
-    assert len(same) == len(apart) == 6
+    assert len(same) == len(apart) == 7
     assert {row.verdict for row in same} == {"no difference"}
     assert {row.verdict for row in apart} == {"different"}
     assert row_of(apart, "heap angle").difference.estimate == pytest.approx(0.3, abs=0.05)
@@ -181,7 +181,7 @@ def test_the_report_prints_tables_and_draws_figures(
     assert "| heap | heap angle | 60 | 3 / 3 |" in capsys.readouterr().out
     names = {path.name for path in (out / "yade-twin").iterdir()}
     assert names == {"agreement.json", "discharge.svg", "heap.svg", "differences.svg"}
-    assert len(json.loads((out / "yade-twin" / "agreement.json").read_text())) == 6
+    assert len(json.loads((out / "yade-twin" / "agreement.json").read_text())) == 7
 
 
 def test_an_unknown_engine_is_an_error_in_words(
