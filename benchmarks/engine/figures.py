@@ -105,5 +105,5 @@ def _strip(rows: Sequence[Row]) -> "Figure":
     labels = [f"{row.scene}: {row.quantity}, {row.grains}" for row in rows]
     panel.set_yticks(range(len(rows)), labels, fontsize=8)
     panel.invert_yaxis()
-    panel.set_xlabel("difference of the means over that of the reference, 95 % interval [%]")
+    panel.set_xlabel("relative difference of the means, 95 % interval [%]")
     return figure
