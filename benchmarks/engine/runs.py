@@ -5,7 +5,6 @@ A file holds the runs of one scene of one size on one engine. A line says by its
 `cpu_s` and `settings`. A line that was cut off is no run.
 """
 
-import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks import lines
 from mfopt.arrays import AnyArray
 from mfopt.errors import ConfigError
 from mfopt.outcome import Status
@@ -42,7 +42,7 @@ class Run:
 
 
 def add_run(directory: Path, run: Run) -> None:
-    """Add the run to the file of its engine, scene and size, past a line that was cut off."""
+    """Add the run to the file of its engine, scene and size."""
     content = {
         "engine": run.engine,
         "scene": run.scene,
@@ -55,10 +55,8 @@ def add_run(directory: Path, run: Run) -> None:
         "cpu_s": run.cpu_s,
         "settings": dict(run.settings),
     }
-    path = directory / f"{run.engine}-{run.scene.replace(':', '-')}-{run.grains}.jsonl"
-    cut_off = path.exists() and not path.read_bytes().endswith(b"\n")
-    with path.open("a", encoding="utf-8") as file:
-        file.write("\n" * cut_off + json.dumps(content) + "\n")
+    name = f"{run.engine}-{run.scene.replace(':', '-')}-{run.grains}"
+    lines.append(directory / f"{name}.jsonl", content)
 
 
 def _short(values: AnyArray) -> Any:
@@ -74,18 +72,9 @@ def runs_in(directory: Path) -> list[Run]:
     """
     runs = []
     for path in sorted(directory.glob("*.jsonl")):
-        lines = path.read_text(encoding="utf-8").splitlines()
-        given = [(f"{path}:{n}", _parsed(line)) for n, line in enumerate(lines, 1)]
-        found = [_run(place, content) for place, content in given if content is not None]
+        found = [_run(f"{path}:{number}", content) for number, content in lines.read(path)]
         runs += sorted(found, key=lambda run: run.seed)
     return runs
-
-
-def _parsed(line: str) -> Any:
-    try:
-        return json.loads(line)
-    except ValueError:
-        return None  # cut off; the run is made again
 
 
 def _run(place: str, given: Any) -> Run:

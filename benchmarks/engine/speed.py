@@ -25,6 +25,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks import lines
 from benchmarks.engine.scenes import DESIGNS, HOPPER, TIME_LIMIT_S, portion_of
 from fidelity import discharge
 from fidelity.dosing import design, dosing_problem
@@ -53,9 +54,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--quick", action="store_true", help="small sizes, two repeats, no `full`")
     given = parser.parse_args(arguments)
-    given.out.mkdir(parents=True, exist_ok=True)
     file = given.out / "speed.jsonl"
-    done = _read(file)
+    done = [measurement for _, measurement in lines.read(file)]
     for what in given.what:
         if what == "full" and given.quick:
             continue
@@ -64,17 +64,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             for _ in range(repeats - sum(m["key"] == key for m in done)):
                 made = {"key": key, **measure()}
                 done.append(made)
-                with file.open("a", encoding="utf-8") as lines:
-                    lines.write(json.dumps(made) + "\n")
+                lines.append(file, made)
                 print(json.dumps(made), flush=True)
     print(table(done))
     return 0
-
-
-def _read(file: Path) -> list[Measurement]:
-    if not file.exists():
-        return []
-    return [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]
 
 
 Part = Iterator[tuple[str, Callable[[], Measurement]]]

@@ -1,10 +1,10 @@
 """Results on disk: one JSON line a run, a file for each suite and peer; what is there is kept."""
 
-import json
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from benchmarks import lines
 from benchmarks.search.case import FIRST_REPORTED, TUNING, Trace
 
 
@@ -42,25 +42,16 @@ def result_file(directory: Path, suite: str, peer: str, instance: int) -> Path:
 
 
 def append(path: Path, result: Result) -> None:
-    """Add one line; a line that a killed run left torn is ended first."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    line = json.dumps(_as_json(result), separators=(",", ":")) + "\n"
-    with path.open("a+b") as file:
-        if file.tell() > 0:
-            file.seek(-1, 2)
-            if file.read(1) != b"\n":
-                file.write(b"\n")
-        file.write(line.encode())
+    """Add one line."""
+    lines.append(path, _as_json(result))
 
 
 def read(path: Path) -> Iterator[Result]:
     """The results in a file; a torn line is left out."""
-    if not path.exists():
-        return
-    for line in path.read_text().splitlines():
+    for _, content in lines.read(path):
         try:
-            yield _from_json(path.stem, json.loads(line))
-        except (json.JSONDecodeError, KeyError):
+            yield _from_json(path.stem, content)
+        except KeyError:
             continue
 
 

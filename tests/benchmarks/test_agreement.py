@@ -101,7 +101,7 @@ def test_a_file_gives_back_its_runs_by_seed(tmp_path: Path) -> None:
     assert last.seed == 12
     assert back.settings == {"damping": 0.125, "depth": None}
     same = made_up("yade", "dosing:wide", 60, 3)
-    np.testing.assert_allclose(back.raw["passage_times"], same.raw["passage_times"], rtol=1e-5)
+    np.testing.assert_allclose(back.raw["passage_times"], same.raw["passage_times"], rtol=5e-6)
     assert back.raw["duration"].shape == ()
 
 
