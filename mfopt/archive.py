@@ -14,29 +14,33 @@ class Archive:
     Args:
         z: (n, d) designs in the unit cube.
         level: (n,) index of the level in the ladder, 0 the coarsest.
+        seed: (n,) simulation seed.
         value: (n,) objective; infinite for a failed run.
         counts: (n, c) soft-constraint terms contained in `value`.
     """
 
     z: Array
     level: IntArray
+    seed: IntArray
     value: Array
     counts: Array
 
     @classmethod
     def empty(cls, d: int) -> "Archive":
         """An archive of no run of `d` variables."""
-        return cls(np.empty((0, d)), np.empty(0, dtype=np.int64), np.empty(0), np.empty((0, 0)))
+        none = np.empty(0, dtype=np.int64)
+        return cls(np.empty((0, d)), none, none, np.empty(0), np.empty((0, 0)))
 
     def __len__(self) -> int:
         return len(self.value)
 
-    def added(self, z: Array, level: int, value: float, counts: Array) -> "Archive":
+    def added(self, z: Array, level: int, seed: int, value: float, counts: Array) -> "Archive":
         """This archive with one run more; `counts` (c,) has as many terms in every run."""
         before = self.counts if len(self) else np.empty((0, len(counts)))
         return Archive(
             frozen(np.vstack([self.z, z])),
             np.append(self.level, level),
+            np.append(self.seed, seed),
             frozen(np.append(self.value, value)),
             frozen(np.vstack([before, counts])),
         )
@@ -53,3 +57,15 @@ class Archive:
     def values_at(self, level: int) -> Array:
         """Objective of the runs at a level, in order."""
         return np.asarray(self.value[self.level == level])
+
+    def exact(self, level: int) -> bool:
+        """Whether runs at a level do not scatter: a design has one value on all seeds.
+
+        False where no design has finished on two seeds.
+        """
+        here = (self.level == level) & np.isfinite(self.value)
+        seed, value = self.seed[here], self.value[here]
+        _, which, times = np.unique(self.z[here], axis=0, return_inverse=True, return_counts=True)
+        runs = [which == design for design in np.flatnonzero(times > 1)]
+        spans = [np.ptp(value[its]) for its in runs if np.ptp(seed[its]) > 0]
+        return bool(spans) and max(spans) == 0.0

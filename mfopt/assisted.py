@@ -94,6 +94,7 @@ class AssistedCmaEs:
         self._number, self._restarts, self._why = 1, 0, "start"
         self._level, self._lowest = 0, 0
         self._since_validation = (0.0, 0)  # cost and runs at the working level
+        self._repeated: set[int] = set()  # levels at which a design was run again
         self._belief: Belief | None = None
         self._insight: Insight | None = None
         self._stop: str | None = None
@@ -158,7 +159,7 @@ class AssistedCmaEs:
         terms = np.zeros((len(candidates), 0)) if counts is None else counts
         for candidate, value, row in zip(candidates, values, terms, strict=True):
             run = self._plan.end(candidate.index)
-            self._archive = self._archive.added(run.z, run.level, float(value), row)
+            self._archive = self._archive.added(run.z, run.level, candidate.seed, float(value), row)
         if self._stop is None and not self._plan.waits:
             self._go_on()
 
@@ -168,10 +169,9 @@ class AssistedCmaEs:
         if run.level == self._level:
             spent, runs = self._since_validation
             self._since_validation = (spent + rung.cost, runs + 1)
-        return Candidate(
-            number, frozen(self._problem.to_x(run.z)), rung.level,
-            self._first_seed + self._number % self._seeds, self._number,
-        )  # fmt: skip
+        seed = self._first_seed + self._number % self._seeds if run.seed is None else run.seed
+        x = frozen(self._problem.to_x(run.z))
+        return Candidate(number, x, rung.level, seed, self._number)
 
     @property
     def _affordable(self) -> bool:
@@ -208,6 +208,7 @@ class AssistedCmaEs:
         if not self._affordable:
             self._finish()
             return
+        self._plan_repeat()
         if self._belief is None:
             self._pool = self._samples(self._size)
             self._open: list[int] = []
@@ -221,8 +222,6 @@ class AssistedCmaEs:
         self._open = list(range(self._size))
         if self._affordable:  # besides validation and exchange
             self._take(0, awaited=True)
-        elif not self._plan:  # sampling turned the coordinates, and another design is recommended
-            self._finish()
 
     def _finish(self) -> None:
         """Run the recommended design at the target level if it was not, then stop."""
@@ -232,6 +231,21 @@ class AssistedCmaEs:
             self._plan.add(best, target)
         else:
             self._stop = "the budget is spent"
+
+    def _plan_repeat(self) -> None:
+        """Once a level, run a design again on a seed of its own: then we know whether runs scatter.
+
+        Not at the target of a ladder, where runs are dear.
+        """
+        dear = 0 < self._level == len(self._rungs) - 1
+        finished = np.flatnonzero(
+            (self._archive.level == self._level) & np.isfinite(self._archive.value)
+        )
+        if dear or self._level in self._repeated or not len(finished):
+            return
+        self._repeated.add(self._level)
+        seed = self._first_seed + self._seeds
+        self._plan.add(self._archive.z[finished[-1]], self._level, seed=seed)
 
     def _plan_validation(self) -> None:
         above = self._level + 1
@@ -354,10 +368,15 @@ class AssistedCmaEs:
         z, level = self._recommended(), self._level_recommended
         if z is None or self._belief is None:
             return None
-        mean, variance = self._belief.posterior.predict(self._distribution.to_u(z[None, :]), level)
+        if self._archive.exact(level):
+            mean, deviation = float(self._archive.values_at(level).min()), 0.0
+        else:
+            u = self._distribution.to_u(z[None, :])
+            its, variance = self._belief.posterior.predict(u, level)
+            mean, deviation = float(its[0]), float(np.sqrt(variance[0]))
         return Insight(
             number, certain, runs, self._rungs[level].level,
-            tuple(map(float, self._problem.to_x(z))), float(mean[0]), float(np.sqrt(variance[0])),
+            tuple(map(float, self._problem.to_x(z))), mean, deviation,
         )  # fmt: skip
 
     def _move(self, certain: float, certain_above: float) -> str:
@@ -429,9 +448,13 @@ class AssistedCmaEs:
     def _recommended(self) -> Array | None:
         """The best design in the posterior, doubt counted against it (`Belief.best`).
 
-        In the end one that was run at the target level, if there is any.
+        Where runs do not scatter it is simply the best run. In the end it is one that was run at
+        the target level, if there is any.
         """
         level = self._level_recommended
+        if self._archive.exact(level):
+            values = self._archive.values_at(level)
+            return np.asarray(self._archive.designs_at(level)[int(np.argmin(values))])
         if self._belief is not None:
             run = self._archive.designs_at(level) if self._stop is not None else None
             centre = self._centre

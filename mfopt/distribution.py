@@ -95,6 +95,7 @@ class Distribution:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # cma warns of flat and of injected solutions
             self._es.tell(list(z), list(losses))
+        self._es.sm.update_now(-1)  # else the next sample would turn the coordinates
         self.average = self.average + share * (self.mean - self.average)
 
     def widen(self, widest: float) -> None:

@@ -15,6 +15,7 @@ class PlannedRun:
     z: Array  # (d,) design, unit cube
     level: int
     awaited: bool  # whether the search goes on only when it is told
+    seed: int | None  # simulation seed; None: that of the generation
 
 
 class Plan:
@@ -47,9 +48,9 @@ class Plan:
         planned = sum(self._costs[run.level] for run in self._planned)
         return float(self.budget - self.spent.sum() - planned - runs * self._costs[level])
 
-    def add(self, z: Array, level: int, *, awaited: bool = True) -> None:
+    def add(self, z: Array, level: int, *, awaited: bool = True, seed: int | None = None) -> None:
         """Plan a run after those planned before."""
-        self._planned.append(PlannedRun(z, level, awaited))
+        self._planned.append(PlannedRun(z, level, awaited, seed))
 
     def begin(self) -> tuple[int, PlannedRun]:
         """Begin the next run; its number counts from 0."""

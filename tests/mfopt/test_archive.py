@@ -7,11 +7,35 @@ from mfopt.archive import Archive
 def test_runs_are_kept_in_order_and_read_only() -> None:
     its = Archive.empty(2)
     assert len(its) == 0
-    its = its.added(np.array([0.1, 0.2]), 0, 3.0, np.array([1.0]))
-    more = its.added(np.array([0.3, 0.4]), 1, np.inf, np.array([0.0]))
+    its = its.added(np.array([0.1, 0.2]), 0, 1, 3.0, np.array([1.0]))
+    more = its.added(np.array([0.3, 0.4]), 1, 1, np.inf, np.array([0.0]))
     assert (len(its), len(more), more.finished) == (1, 2, 1)
     np.testing.assert_array_equal(more.z, [[0.1, 0.2], [0.3, 0.4]])
     np.testing.assert_array_equal(more.counts, [[1.0], [0.0]])
     np.testing.assert_array_equal(more.values_at(1), [np.inf])
     with pytest.raises(ValueError, match="read-only"):
         more.z[0, 0] = 5.0
+
+
+A, B = np.array([0.1, 0.2]), np.array([0.3, 0.4])
+
+
+@pytest.mark.parametrize(
+    ("runs", "exact"),
+    [
+        ([], False),
+        ([(A, 0, 1, 2.0), (B, 0, 2, 2.0)], False),  # no design twice
+        ([(A, 0, 1, 2.0), (A, 0, 1, 2.0)], False),  # twice on one seed tells nothing
+        ([(A, 0, 1, 2.0), (A, 1, 2, 2.0)], False),  # another level
+        ([(A, 0, 1, 2.0), (A, 0, 2, np.inf)], False),  # failed
+        ([(A, 0, 1, 2.0), (B, 0, 1, 3.0), (A, 0, 2, 2.0)], True),
+        ([(A, 0, 1, 2.0), (A, 0, 2, 2.0), (B, 0, 1, 3.0), (B, 0, 2, 3.5)], False),
+    ],
+)
+def test_exact_levels_are_those_where_other_seeds_change_nothing(
+    runs: list[tuple[np.ndarray, int, int, float]], exact: bool
+) -> None:
+    its = Archive.empty(2)
+    for z, level, seed, value in runs:
+        its = its.added(z, level, seed, value, np.empty(0))
+    assert its.exact(0) == exact

@@ -139,32 +139,39 @@ def test_one_level_keeps_to_a_budget_below_a_generation(budget: float) -> None:
     assert len(run(search, {"f": sphere})) == budget
 
 
-class Fickle(AssistedCmaEs):
-    """One whose last candidates are sampled in coordinates that recommend another design."""
-
-    def _proposal(self) -> Array:
-        self.fickle = True
-        return super()._proposal()
-
-    def _recommended(self) -> Array | None:
-        best = super()._recommended()
-        if best is None or self._stop is not None:
-            return best
-        return np.full(6, 0.99) if getattr(self, "fickle", False) else self._archive.z[0]
-
-    def _open_generation(self) -> None:
-        self.fickle = False
-        super()._open_generation()
+def discus(x: Array) -> float:
+    return float(1e6 * (x[0] - 1.0) ** 2 + sphere(x[1:]))
 
 
-@pytest.mark.parametrize("budget", [40.0, 41.0, 42.0, 43.0])
-def test_a_change_of_mind_at_the_end_of_the_budget_ends_the_search(budget: float) -> None:
-    search = Fickle(problem(), [Rung("one", 1.0)], AutoregressiveGp(), budget=budget, seed=1)
+def test_without_scatter_the_best_run_is_recommended() -> None:
+    search = AssistedCmaEs(problem(), [Rung("f", 1.0)], AutoregressiveGp(), budget=80.0, seed=1)
+    best, value = np.inf, np.nan
     while search.should_stop() is None:
-        asked = search.ask()
-        assert asked or search.should_stop()
-        search.tell(asked, [sphere(c.x) for c in asked])
-    assert search.recommended() is not None
+        candidates = search.ask()
+        values = [discus(c.x) for c in candidates]
+        search.tell(candidates, values)
+        best = min(best, *values)
+        recommended = search.recommended()
+        assert recommended is not None
+        value = discus(recommended)
+        assert value == best or search.generation.number == 2  # not known before
+    assert value == best
+
+
+def test_one_design_a_level_is_run_again_but_none_at_the_target_of_a_ladder() -> None:
+    rungs = [Rung("coarse", 1 / 16), Rung("fine", 1.0)]
+    search = AssistedCmaEs(
+        problem(), rungs, AutoregressiveGp(), budget=20.0, seed=1, seeds=2, first_seed=7
+    )
+    asked = []
+    while search.should_stop() is None:
+        candidates = search.ask()
+        asked += candidates
+        search.tell(candidates, [sphere(c.x) for c in candidates])
+    (again,) = (c for c in asked if c.seed not in (7, 8))
+    assert (again.level, again.seed) == ("coarse", 9)
+    assert any((c.x == again.x).all() and c.seed != again.seed for c in asked)
+    assert asked[-1].level == "fine"
 
 
 @pytest.mark.parametrize("workers", [1, 4])

@@ -15,7 +15,7 @@ def archive(n: int, spread: float = 0.05, failed: bool = False) -> Archive:
     for _ in range(n):
         z = np.clip(0.5 + spread * rng.normal(size=3), 0.0, 1.0)
         value = np.inf if failed else float(((z - 0.52) ** 2).sum())
-        its = its.added(z, 0, value, np.empty(0))
+        its = its.added(z, 0, 1, value, np.empty(0))
     return its
 
 
@@ -41,7 +41,7 @@ def test_under_noise_the_best_is_the_centre_unless_a_design_surely_beats_it() ->
         for extra in noise:
             z = np.clip(0.5 + 0.05 * rng.normal(size=3), 0.0, 1.0)
             value = float(((z - bottom) ** 2).sum() / 0.05**2 + extra)
-            its = its.added(z, 0, value, np.empty(0))
+            its = its.added(z, 0, 1, value, np.empty(0))
         belief = learn(its, distribution(), AutoregressiveGp(), None, working=0, lowest=0)
         assert belief is not None
         chosen[bottom] = belief.best(0, 16, centre)
@@ -52,7 +52,7 @@ def test_under_noise_the_best_is_the_centre_unless_a_design_surely_beats_it() ->
 
 
 def test_what_lies_far_outside_is_left_out_and_never_best() -> None:
-    its = archive(40).added(np.array([1.0, 1.0, 1.0]), 0, -100.0, np.empty(0))
+    its = archive(40).added(np.array([1.0, 1.0, 1.0]), 0, 1, -100.0, np.empty(0))
     belief = learn(its, distribution(), AutoregressiveGp(), None, working=0, lowest=0)
     assert belief is not None
     away = np.linalg.norm(belief.u, axis=1)
@@ -63,7 +63,7 @@ def test_what_lies_far_outside_is_left_out_and_never_best() -> None:
 def test_levels_below_the_lowest_are_not_learnt_from() -> None:
     its = archive(20)
     for k in range(10):
-        its = its.added(np.full(3, 0.5 + 0.002 * k), 1, 5.0 + k, np.empty(0))
+        its = its.added(np.full(3, 0.5 + 0.002 * k), 1, 1, 5.0 + k, np.empty(0))
     belief = learn(its, distribution(), AutoregressiveGp(), None, working=1, lowest=1)
     assert belief is not None
     assert belief.posterior.hyperparameters.levels == (1,)

@@ -12,9 +12,9 @@ def archive(above: Sequence[float]) -> Archive:
     """Ten runs at level 0, then runs at level 1 with these values."""
     its = Archive.empty(2)
     for k in range(10):
-        its = its.added(np.full(2, k / 10), 0, float(k), np.empty(0))
+        its = its.added(np.full(2, k / 10), 0, 1, float(k), np.empty(0))
     for value in above:
-        its = its.added(np.full(2, 0.5), 1, value, np.empty(0))
+        its = its.added(np.full(2, 0.5), 1, 1, value, np.empty(0))
     return its
 
 

@@ -34,6 +34,14 @@ def test_points_stay_in_the_cube() -> None:
         assert (z <= 1.0).all()
 
 
+def test_sampling_leaves_the_coordinates_as_they_are() -> None:
+    distribution = learnt()
+    point = distribution.mean[None, :] + 0.01
+    before = distribution.to_u(point)
+    distribution.sample(1)
+    np.testing.assert_array_equal(distribution.to_u(point), before)
+
+
 def test_widening_keeps_the_shape() -> None:
     distribution = learnt()
     point = distribution.mean[None, :] + 0.01

@@ -15,7 +15,7 @@ EXCHANGED = PROBLEM.to_z(np.array([1.0, 0.2, 0.3]))
 def runs(*values: tuple[np.ndarray, float]) -> Archive:
     archive = Archive.empty(3)
     for z, value in values:
-        archive = archive.added(z, 0, value, np.empty(0))
+        archive = archive.added(z, 0, 1, value, np.empty(0))
     return archive
 
 

@@ -29,39 +29,14 @@ class NoPrescreening(AssistedCmaEs):
 
 
 class WholeUnderNoise(AssistedCmaEs):
-    """Every candidate is run where runs scatter; where they repeat exactly, as many as are needed.
+    """Every candidate is run where runs scatter; where they do not, as many as are needed.
 
-    To know, the last design that was run is run again as soon as the search works at a level. At
-    the target, where a run is dear, what was seen at the level below is taken to hold.
+    At the target of a ladder, what was seen at the level below is taken to hold.
     """
 
-    def __init__(self, *args: Any, **kwargs: Any) -> None:
-        self._probed: set[int] = set()
-        super().__init__(*args, **kwargs)
-
-    def _open_generation(self) -> None:
-        level, ran = self._level, self._archive.designs_at(self._level)
-        dear = 0 < level == len(self._rungs) - 1
-        if len(ran) and not dear and level not in self._probed and self._affordable:
-            self._probed.add(level)
-            self._plan.add(ran[-1], level)
-        super()._open_generation()
-
     def _decided(self, weights: Array) -> bool:
-        return not self._scatters and super()._decided(weights)
-
-    @property
-    def _scatters(self) -> bool:
-        """Whether a design that was run twice had two values, at the highest level that tells."""
-        known = self._archive
-        for level in range(self._level, -1, -1):
-            here = (known.level == level) & np.isfinite(known.value)
-            z, which = np.unique(known.z[here], axis=0, return_inverse=True)
-            values = [known.value[here][which == k] for k in range(len(z))]
-            spans = [float(np.ptp(v)) for v in values if len(v) > 1]
-            if spans:
-                return max(spans) > 0.0
-        return False
+        known = max(0, min(self._level, len(self._rungs) - 2))
+        return self._archive.exact(known) and super()._decided(weights)
 
 
 class NoTransfer(AssistedCmaEs):
