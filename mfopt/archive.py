@@ -63,9 +63,9 @@ class Archive:
 
         False where no design has finished on two seeds.
         """
-        here = (self.level == level) & np.isfinite(self.value)
-        seed, value = self.seed[here], self.value[here]
-        _, which, times = np.unique(self.z[here], axis=0, return_inverse=True, return_counts=True)
-        runs = [which == design for design in np.flatnonzero(times > 1)]
-        spans = [np.ptp(value[its]) for its in runs if np.ptp(seed[its]) > 0]
-        return bool(spans) and max(spans) == 0.0
+        here = np.flatnonzero((self.level == level) & np.isfinite(self.value))
+        here = here[np.lexsort((self.seed[here], *self.z[here].T))]  # equal designs side by side
+        z, seed, value = self.z[here], self.seed[here], self.value[here]
+        again = (z[1:] == z[:-1]).all(axis=1)
+        scatter = again & (value[1:] != value[:-1])
+        return bool((again & (seed[1:] != seed[:-1])).any() and not scatter.any())

@@ -74,15 +74,20 @@ class Distribution:
 
     def to_u(self, z: Array) -> Array:
         """Whitened coordinates (n, d) of points (n, d) of the cube."""
-        es = self._es
-        away = (np.atleast_2d(z) - self.mean) / es.sigma
-        return np.array([es.sm.transform_inverse(row) for row in away])
+        away = (np.atleast_2d(z) - self.mean) / self.sigma
+        axes, lengths = self._axes
+        return np.asarray(away @ axes / lengths @ axes.T)
 
     def to_z(self, u: Array) -> Array:
         """Points (n, d) of the cube from whitened coordinates (n, d), moved into it."""
-        es = self._es
-        moved = [self.mean + es.sigma * es.sm.transform(row) for row in np.atleast_2d(u)]
-        return np.asarray(np.clip(np.array(moved), 0.0, 1.0))
+        axes, lengths = self._axes
+        away = np.atleast_2d(u) @ axes * lengths @ axes.T
+        return np.asarray(np.clip(self.mean + self.sigma * away, 0.0, 1.0))
+
+    @property
+    def _axes(self) -> tuple[Array, Array]:
+        """Principal axes (d, d), one a column, and the deviations (d,) on them, sigma apart."""
+        return self._es.sm.B, self._es.sm.D
 
     def update(self, z: Array, losses: Array, share: float = 1.0) -> None:
         """Move the distribution towards the points (n, d) of low loss (n,).

@@ -1,6 +1,7 @@
 """The course of an assisted search, and the report of it, against a run made by hand."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -109,6 +110,19 @@ def test_the_report_says_how_the_design_was_chosen(
     assert ("median over fresh seeds</th>" in text) == finished
     assert ("the search estimates to be 100.0" in text) == (not finished)
     assert "Best and median of the finished runs" not in text
+
+
+def test_where_runs_do_not_scatter_the_report_says_that_the_best_run_was_chosen(
+    make_assisted: MakeRun, tmp_path: Path
+) -> None:
+    run = make_assisted()
+    run.insights[-1] = replace(run.insights[-1], deviation=0.0)
+    page = tmp_path / "r.html"
+    write_report(run, describe=lambda x: None, html=page)
+    text = " ".join(page.read_text(encoding="utf-8").split())
+    assert "So the best run there was chosen" in text
+    assert "<td>runs do not scatter</td>" in text
+    assert "not the one with the lowest value" not in text
 
 
 def test_replicates_of_the_planned_search_are_not_called_a_surrogate(
