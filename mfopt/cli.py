@@ -224,30 +224,33 @@ def status(path: RunPath, as_json: AsJson = False) -> None:
 @_command
 def report(path: RunPath, quiet: Quiet = False) -> None:
     """Write report.html and report.pdf of a finished, running or broken-off run."""
-    study_file = open_run(path).study_file
-    study, _ = read_study(study_file)
+    study_file, parts = open_run(path).study_file, None
+    if study_file.stat().st_size:  # a run of `mfopt.minimize` has an empty one
+        study, _ = read_study(study_file)
+        parts = assemble(study, where=str(study_file))
     with full_disk_named(path):
-        _write_reports(path, assemble(study, where=str(study_file)), Console(quiet=quiet))
+        _write_reports(path, parts, Console(quiet=quiet))
 
 
-def _write_reports(path: Path, parts: Assembled, console: Console) -> None:
+def _write_reports(path: Path, parts: Assembled | None, console: Console) -> None:
     from reports.write import write_report
 
-    dosing = parts.dosing
-    bound = None if dosing is None else _finite(smallest_filling_time_bound(dosing))
-    describe = partial(_view, dosing, parts.confirm_on.top, bound)
+    describe: Callable[[Array], DesignView | None] = _no_view
+    if parts is not None and (dosing := parts.dosing) is not None:
+        bound = _finite(smallest_filling_time_bound(dosing))
+        describe = partial(_view, dosing, parts.confirm_on.top, bound)
     pages = {"html": path / "report.html", "pdf": path / "report.pdf"}
     write_report(open_run(path), describe=describe, **pages)
     for page in pages.values():
         console.print(f"wrote {page}", highlight=False)
 
 
-def _view(
-    dosing: DosingSettings | None, top: Level, bound_any_s: float | None, x: Array
-) -> DesignView | None:
-    """What a report shows of a design besides its numbers; None without a scene."""
-    if dosing is None:
-        return None
+def _no_view(x: Array) -> None:
+    """What a report shows of a design besides its numbers, where there is no scene."""
+
+
+def _view(dosing: DosingSettings, top: Level, bound_any_s: float | None, x: Array) -> DesignView:
+    """What a report shows of a design besides its numbers."""
     machine, motion = design(dosing, x), cup_motion(dosing, x)
     grain = dosing_grain(dosing, top.dem) if isinstance(top, DosingLevel) else None
     no_grain = np.empty((0, 3))
@@ -401,7 +404,11 @@ def ladder(study_file: StudyFile) -> None:
         described.append({**described[-1], "engine": parts.reference.engine})
         planned[parts.reference_level.name] = "2"
     for level, said in zip(parts.all_levels, described, strict=True):
-        cells = (str(said["engine"]), str(said.get("grains", "-")), f"{work[level.name]:.3g}")
+        cells = (
+            str(said["engine"] or "-"),
+            str(said.get("grains", "-")),
+            f"{work[level.name]:.3g}",
+        )
         table.add_row(level.name, *cells, f"{work[level.name] / top:.3g}", planned[level.name])
     screen.print(table)
     screen.print(_spending(study, parts, top))

@@ -61,7 +61,7 @@ def ladder(header: Mapping[str, Any]) -> list[list[str]]:
     top = header["levels"][-1]["work"] if header["levels"] else None
     return [
         [
-            level["name"], level["engine"], _whole(level["grains"]),
+            level["name"], level["engine"] or MISSING, _whole(level["grains"]),
             _whole(level["spheres_per_grain"]), number(level["work"], 3),
             number(level["work"] / top, 3) if top else MISSING,
         ]

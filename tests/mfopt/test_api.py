@@ -2,9 +2,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import mfopt
 from mfopt.arrays import Array
+from mfopt.cli import app
 from surrogates.autoregressive import AutoregressiveGp
 
 
@@ -39,6 +41,17 @@ def test_a_kept_directory_is_not_run_again(tmp_path: Path) -> None:
     for _ in range(2):
         best = mfopt.minimize({"f": counted}, BOUNDS, generations=3, directory=tmp_path / "run")
     assert len(calls) == len(best.evaluations)
+
+
+def test_a_kept_directory_has_a_report(tmp_path: Path) -> None:
+    mfopt.minimize(
+        {"f": shifted_sphere}, BOUNDS, surrogate=AutoregressiveGp(), budget=25, directory=tmp_path
+    )
+    done = CliRunner().invoke(app, ["report", str(tmp_path)])
+    assert done.exit_code == 0, done.output
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "So the best run there was chosen" in " ".join(text.split())
+    assert "None" not in text
 
 
 def test_doubtful_candidates_run_again_within_the_plan() -> None:
