@@ -58,12 +58,22 @@ class Archive:
         """Objective of the runs at a level, in order."""
         return np.asarray(self.value[self.level == level])
 
+    def finished_at(self, level: int) -> IntArray:
+        """Rows of the runs at a level that did not fail, in order."""
+        return np.flatnonzero((self.level == level) & np.isfinite(self.value))
+
+    def best_at(self, level: int) -> tuple[Array, float]:
+        """Design (d,) of the best run at a level, and its value; a run must have finished there."""
+        here = self.finished_at(level)
+        best = here[int(np.argmin(self.value[here]))]
+        return np.asarray(self.z[best]), float(self.value[best])
+
     def exact(self, level: int) -> bool:
         """Whether runs at a level do not scatter: a design has one value on all seeds.
 
         False where no design has finished on two seeds.
         """
-        here = np.flatnonzero((self.level == level) & np.isfinite(self.value))
+        here = self.finished_at(level)
         here = here[np.lexsort((self.seed[here], *self.z[here].T))]  # equal designs side by side
         z, seed, value = self.z[here], self.seed[here], self.value[here]
         again = (z[1:] == z[:-1]).all(axis=1)

@@ -29,6 +29,7 @@ from mfopt.plan import Plan
 from mfopt.prescreen import minimiser, thompson
 from mfopt.problem import Problem
 from mfopt.ranking import certainty, expected_weights, recombination_weights
+from mfopt.recommendation import believed, recommended
 from mfopt.search import Rung, default_population_size
 from mfopt.surrogate import Surrogate
 from mfopt.swap import Exchange, Pair
@@ -238,9 +239,7 @@ class AssistedCmaEs:
         Not at the target of a ladder, where runs are dear.
         """
         dear = 0 < self._level == len(self._rungs) - 1
-        finished = np.flatnonzero(
-            (self._archive.level == self._level) & np.isfinite(self._archive.value)
-        )
+        finished = self._archive.finished_at(self._level)
         if dear or self._level in self._repeated or not len(finished):
             return
         self._repeated.add(self._level)
@@ -368,12 +367,7 @@ class AssistedCmaEs:
         z, level = self._recommended(), self._level_recommended
         if z is None or self._belief is None:
             return None
-        if self._archive.exact(level):
-            mean, deviation = float(self._archive.values_at(level).min()), 0.0
-        else:
-            u = self._distribution.to_u(z[None, :])
-            its, variance = self._belief.posterior.predict(u, level)
-            mean, deviation = float(its[0]), float(np.sqrt(variance[0]))
+        mean, deviation = believed(self._archive, self._belief, self._distribution, z, level)
         return Insight(
             number, certain, runs, self._rungs[level].level,
             tuple(map(float, self._problem.to_x(z))), mean, deviation,
@@ -429,37 +423,14 @@ class AssistedCmaEs:
         return float(np.linalg.norm(self._distribution.to_u(z[None, :])[0]))
 
     @property
-    def _centre(self) -> Array:
-        """Average (d,) of the distribution's means; the nearest run if it cannot be built.
-
-        Where rankings are in doubt the mean wanders, and its average is better.
-        """
-        average, to_u = self._distribution.average, self._distribution.to_u
-        if self._problem.impossible(self._problem.to_x(average)) is None:
-            return average
-        away = to_u(self._archive.z) - to_u(average)
-        return np.asarray(self._archive.z[int(np.argmin(np.linalg.norm(away, axis=1)))])
-
-    @property
     def _level_recommended(self) -> int:
         """The level that the recommendation is for: the one worked at, in the end the target."""
         return self._level if self._stop is None else len(self._rungs) - 1
 
     def _recommended(self) -> Array | None:
-        """The best design in the posterior, doubt counted against it (`Belief.best`).
-
-        Where runs do not scatter it is simply the best run. In the end it is one that was run at
-        the target level, if there is any.
-        """
-        level = self._level_recommended
-        if self._archive.exact(level):
-            values = self._archive.values_at(level)
-            return np.asarray(self._archive.designs_at(level)[int(np.argmin(values))])
-        if self._belief is not None:
-            run = self._archive.designs_at(level) if self._stop is not None else None
-            centre = self._centre
-            its = (centre, self._distribution.to_u(centre)[0])
-            return self._belief.best(level, 2 * self._size, its, run)
-        if self._archive.finished == 0:
-            return None
-        return np.asarray(self._archive.z[int(np.argmin(self._archive.value))])
+        """Best design (d,), unit cube; in the end one run at the target level, if there is any."""
+        return recommended(
+            self._archive, self._belief, self._distribution, self._problem,
+            level=self._level_recommended, fewest=2 * self._size,
+            among_runs=self._stop is not None,
+        )  # fmt: skip

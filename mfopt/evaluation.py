@@ -70,6 +70,11 @@ class Insight:
     deviation: float  # standard deviation of that belief
 
     @property
+    def exact(self) -> bool:
+        """Whether runs do not scatter, so that the objective is known."""
+        return self.deviation == 0.0
+
+    @property
     def interval(self) -> tuple[float, float]:
         """Bounds that hold the noise-free objective with 95 % probability, as believed."""
         half = HALF_WIDTH * self.deviation

@@ -86,7 +86,7 @@ def _unconfirmed(result: Result, name: str, shown: Display, *, so_far: str) -> s
 
 def believed(belief: Insight, shown: Display) -> str:
     """What a search believes of a design, with its interval in words; without, if it is exact."""
-    if belief.deviation == 0.0:
+    if belief.exact:
         return shown.full(belief.mean)
     low, high = belief.interval
     return f"{shown.full(belief.mean)} ({shown.text(low)} to {shown.full(high)})"
@@ -113,7 +113,7 @@ def chosen(result: Result, *, method: str | None, insights: bool) -> str:
             "that it reached. Such a value is on the optimistic side, since the lowest of many "
             "noisy values was picked; fresh seeds tell what the design is worth."
         )
-    elif result.belief is not None and result.belief.deviation == 0.0:
+    elif result.belief is not None and result.belief.exact:
         return (
             f"Runs at level {result.belief.level} do not scatter: a design that was run again on "
             "another seed had the same value. So the best run there was chosen."

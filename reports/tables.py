@@ -101,8 +101,8 @@ def belief_lines(result: Result, shown: Display) -> list[list[str]]:
     lines = []
     if (its := result.belief) is not None:
         low, high = its.interval
-        exact = its.deviation == 0.0
-        interval = "runs do not scatter" if exact else f"{shown.text(low)} to {shown.text(high)}"
+        interval = f"{shown.text(low)} to {shown.text(high)}"
+        interval = "runs do not scatter" if its.exact else interval
         lines.append(["estimated by the search", its.level, shown.text(its.mean), interval])
     if lines and (seen := result.objective) is not None:
         plain = Display(shown.factor, MISSING)

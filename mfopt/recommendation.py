@@ -1,0 +1,64 @@
+"""The design that the assisted search would hand over, and what it believes of it."""
+
+import numpy as np
+
+from mfopt.archive import Archive
+from mfopt.arrays import Array
+from mfopt.belief import Belief
+from mfopt.distribution import Distribution
+from mfopt.problem import Problem
+
+
+def recommended(
+    archive: Archive,
+    belief: Belief | None,
+    distribution: Distribution,
+    problem: Problem,
+    *,
+    level: int,
+    fewest: int,
+    among_runs: bool,
+) -> Array | None:
+    """The best design (d,) in the posterior, doubt counted against it (`Belief.best`).
+
+    Where runs do not scatter it is simply the best run.
+
+    Args:
+        level: that it is to be best at.
+        fewest: so many of the nearest count as nearby, however far they are.
+        among_runs: choose among the designs that were run at the level, if there are any.
+
+    Returns:
+        None before a run has finished.
+    """
+    if archive.exact(level):
+        return archive.best_at(level)[0]
+    if belief is not None:
+        centre = _centre(archive, distribution, problem)
+        its = (centre, distribution.to_u(centre)[0])
+        return belief.best(level, fewest, its, archive.designs_at(level) if among_runs else None)
+    if archive.finished == 0:
+        return None
+    return np.asarray(archive.z[int(np.argmin(archive.value))])
+
+
+def believed(
+    archive: Archive, belief: Belief, distribution: Distribution, z: Array, level: int
+) -> tuple[float, float]:
+    """Noise-free objective of the recommended design `z` (d,) at a level, and its deviation."""
+    if archive.exact(level):
+        return archive.best_at(level)[1], 0.0
+    mean, variance = belief.posterior.predict(distribution.to_u(z[None, :]), level)
+    return float(mean[0]), float(np.sqrt(variance[0]))
+
+
+def _centre(archive: Archive, distribution: Distribution, problem: Problem) -> Array:
+    """Average (d,) of the distribution's means; the nearest run if it cannot be built.
+
+    Where rankings are in doubt the mean wanders, and its average is better.
+    """
+    average, to_u = distribution.average, distribution.to_u
+    if problem.impossible(problem.to_x(average)) is None:
+        return average
+    away = to_u(archive.z) - to_u(average)
+    return np.asarray(archive.z[int(np.argmin(np.linalg.norm(away, axis=1)))])
