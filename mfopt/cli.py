@@ -33,7 +33,7 @@ from mfopt.problem import Problem
 from mfopt.search import Search, rungs, window
 from mfopt.store import RunDirectory, full_disk_named, open_run, writing
 from mfopt.study import Study, read_study
-from reports.design import DesignView
+from reports.design import Describe, DesignView, no_view
 
 if TYPE_CHECKING:
     from mfopt.progress import ProgressDisplay
@@ -235,7 +235,7 @@ def report(path: RunPath, quiet: Quiet = False) -> None:
 def _write_reports(path: Path, parts: Assembled | None, console: Console) -> None:
     from reports.write import write_report
 
-    describe: Callable[[Array], DesignView | None] = _no_view
+    describe: Describe = no_view
     if parts is not None and (dosing := parts.dosing) is not None:
         bound = _finite(smallest_filling_time_bound(dosing))
         describe = partial(_view, dosing, parts.confirm_on.top, bound)
@@ -243,10 +243,6 @@ def _write_reports(path: Path, parts: Assembled | None, console: Console) -> Non
     write_report(open_run(path), describe=describe, **pages)
     for page in pages.values():
         console.print(f"wrote {page}", highlight=False)
-
-
-def _no_view(x: Array) -> None:
-    """What a report shows of a design besides its numbers, where there is no scene."""
 
 
 def _view(dosing: DosingSettings, top: Level, bound_any_s: float | None, x: Array) -> DesignView:

@@ -65,7 +65,8 @@ def _grains_left(result: Result) -> str:
     )
     if not math.isfinite(best + baseline):
         return ""
-    return f", and {number(best, 3)} grains stay behind instead of {number(baseline, 3)}"
+    grains = "1 grain stays" if best == 1.0 else f"{best:g} grains stay"
+    return f", and {grains} behind instead of {baseline:g}"
 
 
 def _unconfirmed(result: Result, name: str, shown: Display, *, so_far: str) -> str:

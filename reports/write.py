@@ -10,14 +10,14 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from mfopt.store import RunDirectory, write_aside
-from reports.design import Describe
+from reports.design import Describe, no_view
 from reports.page import context
 
 HERE = Path(__file__).parent
 
 
 def write_report(
-    run: RunDirectory, *, describe: Describe, html: Path, pdf: Path | None = None
+    run: RunDirectory, *, html: Path, pdf: Path | None = None, describe: Describe = no_view
 ) -> None:
     """Write the report of a finished, running or broken-off run.
 
@@ -26,9 +26,9 @@ def write_report(
 
     Args:
         run: the run directory.
-        describe: gives shape, motion and bounds of a design, or None where there are none.
         html: file to write.
         pdf: file to write, or None for no PDF.
+        describe: gives shape, motion and bounds of a design, or None where there are none.
     """
     page = context(run, describe)
     write_aside(html, _html(page).encode())

@@ -98,7 +98,7 @@ def test_the_report_says_how_the_design_was_chosen(
 ) -> None:
     run = make_assisted(finished=finished)
     page = tmp_path / "r.html"
-    write_report(run, describe=lambda x: None, html=page, pdf=tmp_path / "r.pdf")
+    write_report(run, html=page, pdf=tmp_path / "r.pdf")
     text = " ".join(page.read_text(encoding="utf-8").split())
     for phrase in (
         "How the best design was chosen", "not the one with the lowest value of a single run",
@@ -118,7 +118,7 @@ def test_where_runs_do_not_scatter_the_report_says_that_the_best_run_was_chosen(
     run = make_assisted()
     run.insights[-1] = replace(run.insights[-1], deviation=0.0)
     page = tmp_path / "r.html"
-    write_report(run, describe=lambda x: None, html=page)
+    write_report(run, html=page)
     text = " ".join(page.read_text(encoding="utf-8").split())
     assert "So the best run there was chosen" in text
     assert "<td>runs do not scatter</td>" in text
@@ -130,7 +130,7 @@ def test_replicates_of_the_planned_search_are_not_called_a_surrogate(
 ) -> None:
     run = make_assisted()
     run.header = {**run.header, "method": "cma-es"}
-    write_report(run, describe=lambda x: None, html=tmp_path / "r.html")
+    write_report(run, html=tmp_path / "r.html")
     text = (tmp_path / "r.html").read_text(encoding="utf-8")
     assert "mean of its runs" in text
     assert "certain the ranking" in text
@@ -143,7 +143,7 @@ def test_a_run_that_does_not_name_its_method_is_given_none(
 ) -> None:
     run = make_assisted()
     run.header = {key: value for key, value in run.header.items() if key != "method"}
-    write_report(run, describe=lambda x: None, html=tmp_path / "r.html")
+    write_report(run, html=tmp_path / "r.html")
     text = (tmp_path / "r.html").read_text(encoding="utf-8")
     assert "best estimate of the search was chosen" in text
     assert "CMA-ES" not in text
@@ -153,7 +153,7 @@ def test_a_run_that_does_not_name_its_method_is_given_none(
 def test_the_planned_search_says_that_a_single_value_chose(
     finished_run: RunDirectory, tmp_path: Path
 ) -> None:
-    write_report(finished_run, describe=lambda x: None, html=tmp_path / "r.html")
+    write_report(finished_run, html=tmp_path / "r.html")
     text = (tmp_path / "r.html").read_text(encoding="utf-8")
     assert "lowest value of one run at the finest level" in text
     assert "surrogate" not in text

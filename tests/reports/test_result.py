@@ -8,6 +8,8 @@ import pytest
 
 from reports.result import best_at, compare, result, solutions, typical_first
 from reports.rows import Row
+from reports.sentence import sentence
+from reports.units import Display
 
 LEVELS = ["coarse", "fine"]
 
@@ -72,3 +74,12 @@ def test_the_typical_first_design_is_the_median_of_its_generation() -> None:
     typical = typical_first(rows)
     assert typical is not None
     assert typical.value == 3.0
+
+
+@pytest.mark.parametrize(("left", "words"), [(1.0, "1 grain stays"), (2.0, "2 grains stay")])
+def test_the_sentence_counts_the_grains_left_behind(left: float, words: str) -> None:
+    best = row(0, 0.2, purpose="confirm best", left_in_cup=left)
+    base = row(1, 0.4, purpose="confirm baseline", left_in_cup=20.0)
+    rows = [row(2, 0.1, x=best.x), best, base]
+    text = sentence(result(rows, LEVELS), rows, "dispersion", Display(1.0, "s"), ended=True)
+    assert text.endswith(f", and {words} behind instead of 20.")

@@ -144,7 +144,7 @@ def test_empty_run(make_run: Callable[..., RunDirectory], machine: Machine, tmp_
 
 def test_user_problem_leaves_out_what_does_not_apply(own_run: RunDirectory, tmp_path: Path) -> None:
     html = tmp_path / "r.html"
-    write_report(own_run, describe=lambda x: None, html=html)
+    write_report(own_run, html=html)
     text = words(html)
     assert "objective value" in text
     assert "pressure" in text
@@ -157,7 +157,7 @@ def test_names_of_the_study_cannot_break_the_page(
 ) -> None:
     run = make_run(generations=0, finished=False)
     run.header = {**run.header, "study": "<script>alert(1)</script>"}
-    write_report(run, describe=lambda x: None, html=tmp_path / "r.html")
+    write_report(run, html=tmp_path / "r.html")
     assert "<script>alert" not in (tmp_path / "r.html").read_text(encoding="utf-8")
 
 
