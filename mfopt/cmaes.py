@@ -25,10 +25,8 @@ from mfopt.noise_share import NoiseShare, belief, believed_values
 from mfopt.problem import Problem
 from mfopt.reevaluation import EliteDoubt, NoReplicates, Reevaluation, UncertaintyHandling
 from mfopt.search import Stage
-from mfopt.swap import Pair, check_pair, swapped, wrong_way
+from mfopt.swap import Pair, Watch
 
-EXCHANGE_AFTER = 10  # generations in the suspected minimum; the paper waited 25 by hand
-EXCHANGE_SHARE = 0.9  # share of candidates in it; the paper saw 98.7 %
 TOLERANCE_X = 1e-3  # unit cube: finer than a workshop can make
 TOLERANCE_F = 1e-5  # objective; 0.01 ms of dispersion
 
@@ -48,8 +46,6 @@ class CmaEs:
     _es: Any  # cma.CMAEvolutionStrategy, which carries no types
     _best_f: float  # as believed
     _best_deviation: float
-    _exchanged: bool
-    _backward_generations: int
     _generations_in_stage: int
     _runs_in_stage: int  # of finished generations
     _rule: Reevaluation
@@ -66,11 +62,10 @@ class CmaEs:
     ) -> None:
         if not stages:
             raise ConfigError("the search has no stage: plan at least one level")
-        check_pair(problem, exchange)
         self._problem = problem
         self._stages = tuple(stages)
         self._rng = np.random.default_rng(seed)
-        self._exchange = exchange
+        self._watch = Watch(problem, exchange)
         self._first_seed = first_seed
         self._asked = 0
         self._asked_z: dict[int, Array] = {}  # cma must be told the very arrays it drew
@@ -198,8 +193,7 @@ class CmaEs:
         self._number += 1
         self._generations_in_stage += 1
         self._runs_in_stage += sum(len(r) for r in runs)
-        self._watch_exchange(candidates)
-        self._move_on()
+        self._move_on(np.array([c.x for c in candidates]))
 
     def _note_best(self, runs: Sequence[Sequence[float]]) -> None:
         values, deviations = believed_values(runs, self._noise.share)
@@ -238,20 +232,16 @@ class CmaEs:
     def _later_stages(self) -> tuple[Stage, ...]:
         return self._stages[self._stage_number + 1 :]
 
-    def _move_on(self) -> None:
+    def _move_on(self, designs: Array) -> None:
         if self._stage_done:
             if self._later_stages:
                 self._stage_number += 1
                 self._restarts += 1
                 self._begin_stage(self._best_z, why=f"level change to {self._stage.level}")
-        elif (
-            self._exchange is not None
-            and self._backward_generations >= EXCHANGE_AFTER
-            and not self._exchanged
-        ):
-            self._exchanged = True
-            why = f"{' and '.join(self._exchange)} exchanged"
-            self._restart(self._exchanged_best(self._exchange), why=why)
+            return
+        exchanged = self._watch.after(designs, self._problem.to_x(self._best_z))
+        if exchanged is not None:
+            self._restart(self._problem.to_z(exchanged), why=self._watch.name)
         elif reasons := self._es.stop():
             self._restart(self._best_z, why=f"converged: {', '.join(reasons)}")
 
@@ -259,7 +249,7 @@ class CmaEs:
         self._generations_in_stage, self._runs_in_stage = 0, 0
         self._noise, self._rule = NoiseShare(), _rule(self._stage, len(z))
         self._best_z, self._best_f, self._best_deviation = z, np.inf, 0.0
-        self._exchanged = self._exchange is None
+        self._watch.new_stage()
         self._start_from(z, why=why)
 
     def _restart(self, z: Array, *, why: str) -> None:
@@ -270,7 +260,7 @@ class CmaEs:
         self._why = why
         self._start_z = np.clip(z, 0.0, 1.0)
         self._opening = True
-        self._backward_generations = 0
+        self._watch.restart()
         if (reason := self._problem.impossible(self._problem.to_x(z))) is not None:
             raise ConfigError(f"the search cannot start from an impossible design: {reason}")
         options = {
@@ -287,19 +277,6 @@ class CmaEs:
         """The draw `z` itself if that design can be built, else the first new one that can."""
         redraws = (np.asarray(self._es.ask(1)[0]) for _ in count())
         return self._problem.possible(chain([z], redraws))
-
-    def _watch_exchange(self, candidates: Sequence[Candidate]) -> None:
-        if self._exchange is None:
-            return
-        above = np.mean([wrong_way(self._problem, self._exchange, c.x) for c in candidates])
-        best = self._problem.to_x(self._best_z)
-        stays = above >= EXCHANGE_SHARE and wrong_way(self._problem, self._exchange, best)
-        self._backward_generations = self._backward_generations + 1 if stays else 0
-
-    def _exchanged_best(self, pair: Pair) -> Array:
-        """Best design with the two variables exchanged, itself if that is impossible."""
-        x = swapped(self._problem, pair, self._problem.to_x(self._best_z))
-        return self._best_z if x is None else self._problem.to_z(x)
 
 
 def _rule(stage: Stage, dimension: int) -> Reevaluation:
