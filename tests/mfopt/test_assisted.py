@@ -75,6 +75,22 @@ def test_noise_is_averaged_out_by_the_surrogate() -> None:
     assert abs(search.insight.mean - sphere(best)) < 4.0 * search.insight.deviation + 0.5
 
 
+def test_intervals_of_the_recommendation_hold_the_truth() -> None:
+    held = []
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        noisy: dict[str, Function] = {"f": lambda x, rng=rng: sphere(x) + 1.5 * rng.normal()}
+        surrogate = AutoregressiveGp()
+        search = AssistedCmaEs(problem(3), [Rung("f", 1.0)], surrogate, budget=40.0, seed=seed)
+        run(search, noisy)
+        best, insight = search.recommended(), search.insight
+        assert best is not None
+        assert insight is not None
+        low, high = insight.interval
+        held.append(low < sphere(best) < high)
+    assert sum(held) >= 10
+
+
 @pytest.mark.parametrize("seed", [1, 2, 3, 4])
 def test_what_is_recommended_in_the_end_was_run_at_the_target_and_is_what_the_insight_says(
     seed: int,
