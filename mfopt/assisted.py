@@ -236,9 +236,9 @@ class AssistedCmaEs:
     def _plan_repeat(self) -> None:
         """Once a level, run a design again on a seed of its own: then we know whether runs scatter.
 
-        Not at the target of a ladder, where runs are dear.
+        Not at the target of a ladder, where runs are dear, as long as the levels below are of use.
         """
-        dear = 0 < self._level == len(self._rungs) - 1
+        dear = self._lowest < self._level == len(self._rungs) - 1
         finished = self._archive.finished_at(self._level)
         if dear or self._level in self._repeated or not len(finished):
             return
@@ -397,7 +397,7 @@ class AssistedCmaEs:
         self._exchange.new_level()
         self._since_validation = (0.0, 0)
         name = self._rungs[self._level].level
-        if misled(self._archive, self._level):
+        if misled(self._archive, self._start, self._level):
             self._lowest = self._level
             self._begin_at(self._start, self._sigma)
             return f"level change to {name}, from the start: the levels below mislead"

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from mfopt.archive import Archive
+from mfopt.arrays import Array
 
 VALIDATE_COST = 2.0  # spent at a level before a validation, in runs of the next level, or
 VALIDATE_RUNS = 40  # runs at a level before a validation, if that is less
 PATIENCE = 2  # validations without an improvement
 FEWEST_VALIDATIONS = 6  # before rankings at two levels are compared
 DOUBT = 0.5  # certainty at the next level over that at this one, below which it moves up
-MISLED = 3  # runs at the next level, the start among them, before a level can be called misleading
 CONVERGED = 2e-3  # widest standard deviation, unit cube: finer at a coarse level is vain
 BELOW_SHARE = 0.6  # of the budget, for all levels below the target together
 
@@ -47,12 +47,16 @@ def why_climb(standing: Standing) -> str | None:
         return f"{BELOW_SHARE:.0%} of the budget is spent below the target"
     if len(above) >= FEWEST_VALIDATIONS and (standing.certainty_above < DOUBT * standing.certainty):
         return "the ranking at the next level is in doubt"
-    if len(above) >= PATIENCE + 2 and len(above) - 1 - int(np.argmin(above)) >= PATIENCE:
+    if len(above) and len(above) - 1 - int(np.argmin(above)) >= PATIENCE:
         return "validations at the next level no longer improve"
     return None
 
 
-def misled(archive: Archive, above: int) -> bool:
-    """Whether no validation at the level `above` beat the first design, which is run there too."""
+def misled(archive: Archive, start: Array, above: int) -> bool:
+    """Whether no validation at the level `above` beat the first design `start` (d,).
+
+    That is run there beside the first validation.
+    """
     values = archive.values_at(above)
-    return len(values) >= MISLED and int(np.argmin(values)) == 0
+    its = (archive.designs_at(above) == start).all(axis=1)
+    return bool(its.any() and not its.all() and values[its].min() < values[~its].min())

@@ -14,7 +14,7 @@ def archive(above: Sequence[float]) -> Archive:
     for k in range(10):
         its = its.added(np.full(2, k / 10), 0, 1, float(k), np.empty(0))
     for value in above:
-        its = its.added(np.full(2, 0.5), 1, 1, value, np.empty(0))
+        its = its.added(np.full(2, (1 + its.finished) / 100), 1, 1, value, np.empty(0))
     return its
 
 
@@ -51,6 +51,14 @@ def test_a_validation_is_due_by_cost_or_by_runs() -> None:
 
 
 def test_a_level_misleads_if_nothing_it_finds_beats_the_start() -> None:
-    assert misled(archive([1.0, 2.0, 3.0, 4.0]), 1)
-    assert not misled(archive([1.0, 2.0, 3.0, 0.5]), 1)
-    assert not misled(archive([1.0, 2.0]), 1)
+    runs = archive([3.0, 1.0, 2.0])
+    found = [misled(runs, start, 1) for start in runs.designs_at(1)]
+    assert found == [False, True, False]  # whichever of them was told first
+    alone = archive([1.0])
+    assert not misled(alone, alone.designs_at(1)[0], 1)
+    assert not misled(archive([]), np.zeros(2), 1)
+
+
+def test_it_climbs_as_soon_as_two_validations_are_worse_than_the_start() -> None:
+    assert why_climb(standing([1.0, 2.0])) is None
+    assert why_climb(standing([1.0, 2.0, 3.0])) is not None
