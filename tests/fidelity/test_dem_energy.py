@@ -42,10 +42,16 @@ def box(side: float, friction: float, *, lid: bool) -> Wall:
 
 
 def swarm(
-    physics: Physics, *, friction: float, duration: float, lid: bool = False, side: float = 0.08
+    physics: Physics,
+    *,
+    friction: float,
+    duration: float,
+    lid: bool = False,
+    side: float = 0.08,
+    seed: int = 3,
 ) -> Setup:
     """27 clumps in a box, turned at random and thrown at random."""
-    rng = np.random.default_rng(3)
+    rng = np.random.default_rng(seed)
     places = side * (
         np.array([[x, y, z] for x in range(3) for y in range(3) for z in range(3)]) - 1
     )
@@ -66,16 +72,19 @@ def swarm(
 
 @pytest.mark.parametrize("law", LAWS)
 def test_without_dissipation_a_closed_box_keeps_its_energy(law: ContactLaw) -> None:
-    # Some hundred collisions; the error of each is of second order in the step.
-    setup = swarm(still(contact_law=law), friction=0.0, duration=0.5, lid=True)
-    gains = []
-    for share in (0.1, 0.025):
-        movement = moved(setup, share)
-        lost = [movement.energy[n] for n in ("slip", "contact_damping", "numerical_damping")]
-        assert lost == [0.0, 0.0, 0.0]
-        gains.append(abs(movement.energy["gain"]) / movement.max_kinetic_energy)
-    assert gains[0] < 2e-2
-    assert gains[1] < max(gains[0] / 8, 1e-6)
+    # Some hundred collisions; the error of each is of second order in the step and has either
+    # sign, so that their sum says something over several throws only.
+    gains = np.empty((12, 2))
+    for seed, throw in enumerate(gains):
+        setup = swarm(still(contact_law=law), friction=0.0, duration=0.5, lid=True, seed=seed)
+        for k, share in enumerate((0.1, 0.025)):
+            movement = moved(setup, share)
+            lost = [movement.energy[n] for n in ("slip", "contact_damping", "numerical_damping")]
+            assert lost == [0.0, 0.0, 0.0]
+            throw[k] = movement.energy["gain"] / movement.max_kinetic_energy
+    coarse, fine = np.sqrt(np.mean(gains**2, axis=0))
+    assert coarse < 2e-2
+    assert fine < coarse / 8
 
 
 ALL = Physics(
