@@ -1,9 +1,8 @@
 """When the assisted search looks one level up, and when it moves there.
 
 Every so often the design recommended so far is run once at the next level: a validation. The
-search moves up when validations stop improving, when it has converged, when its share is spent, or,
-where runs do not scatter, when the ranking that CMA-ES uses is decided at its level but in doubt at
-the next one. (Where they scatter, few runs at the next level leave it in doubt anyway.)
+search moves up when validations stop improving, when the ranking that CMA-ES uses is decided at
+its level but in doubt at the next one, when it has converged, or when its share is spent.
 """
 
 from dataclasses import dataclass
@@ -46,8 +45,7 @@ def why_climb(standing: Standing) -> str | None:
         return "converged"
     if standing.below_share > BELOW_SHARE:
         return f"{BELOW_SHARE:.0%} of the budget is spent below the target"
-    doubtful = standing.certainty_above < DOUBT * standing.certainty
-    if doubtful and len(above) >= FEWEST_VALIDATIONS and standing.archive.exact(standing.level):
+    if len(above) >= FEWEST_VALIDATIONS and (standing.certainty_above < DOUBT * standing.certainty):
         return "the ranking at the next level is in doubt"
     if len(above) and len(above) - 1 - int(np.argmin(above)) >= PATIENCE:
         return "validations at the next level no longer improve"

@@ -22,12 +22,6 @@ def standing(above: Sequence[float]) -> Standing:
     return Standing(0, archive(above), 0.1, widest=0.1, certainty=0.8, certainty_above=0.8)
 
 
-def doubtful(above: Sequence[float], again: float) -> Standing:
-    """The same with a ranking in doubt above, and a run of value 0 run again on another seed."""
-    its = archive(above).added(np.zeros(2), 0, 2, again, np.empty(0))
-    return Standing(0, its, 0.1, widest=0.1, certainty=0.8, certainty_above=0.1)
-
-
 def test_it_stays_while_validations_improve() -> None:
     assert why_climb(standing([9.0, 5.0, 4.0, 3.0, 2.0, 1.0, 0.5])) is None
 
@@ -44,13 +38,10 @@ def test_it_climbs_when_converged_or_when_the_share_is_spent(change: dict[str, f
 
 
 def test_doubt_at_the_next_level_counts_once_there_are_enough_validations() -> None:
+    doubtful = {"certainty_above": 0.1}
     few, enough = [6.0, 5.0, 4.0], [9.0, 8.0, 7.0, 6.0, 5.0, 4.0]
-    assert why_climb(doubtful(few, again=0.0)) is None
-    assert why_climb(doubtful(enough, again=0.0)) is not None
-
-
-def test_doubt_at_the_next_level_does_not_count_where_runs_scatter() -> None:
-    assert why_climb(doubtful([9.0, 8.0, 7.0, 6.0, 5.0, 4.0], again=0.1)) is None
+    assert why_climb(replace(standing(few), **doubtful)) is None
+    assert why_climb(replace(standing(enough), **doubtful)) is not None
 
 
 def test_a_validation_is_due_by_cost_or_by_runs() -> None:
