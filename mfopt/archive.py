@@ -68,6 +68,12 @@ class Archive:
         best = here[int(np.argmin(self.value[here]))]
         return np.asarray(self.z[best]), float(self.value[best])
 
+    def beats_others(self, z: Array, level: int) -> bool:
+        """Whether the design `z` (d,) was run at a level, and others, and is better than them."""
+        values = self.values_at(level)
+        its = (self.designs_at(level) == z).all(axis=1)
+        return bool(its.any() and not its.all() and values[its].min() < values[~its].min())
+
     def exact(self, level: int) -> bool:
         """Whether runs at a level do not scatter: a design has one value on all seeds.
 

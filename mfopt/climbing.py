@@ -57,6 +57,4 @@ def misled(archive: Archive, start: Array, above: int) -> bool:
 
     That is run there beside the first validation.
     """
-    values = archive.values_at(above)
-    its = (archive.designs_at(above) == start).all(axis=1)
-    return bool(its.any() and not its.all() and values[its].min() < values[~its].min())
+    return archive.beats_others(start, above)

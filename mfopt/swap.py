@@ -45,12 +45,8 @@ def swapped(problem: Problem, pair: Pair, x: Array) -> Array | None:
     return None if problem.impossible(turned) else turned
 
 
-def _words(pair: Pair | None) -> str:
-    return f"{' and '.join(pair or ())} exchanged"
-
-
-class Exchange:
-    """Tries a design exchanged, once a level, where it is the wrong way round.
+class _OfPair:
+    """What both ways to exchange a pair know.
 
     Args:
         problem: what to minimise over.
@@ -63,12 +59,19 @@ class Exchange:
     def __init__(self, problem: Problem, pair: Pair | None) -> None:
         check_pair(problem, pair)
         self._problem, self._pair = problem, pair
-        self._tried: Array | None = None
 
     @property
     def name(self) -> str:
         """The exchange in words."""
-        return _words(self._pair)
+        return f"{' and '.join(self._pair or ())} exchanged"
+
+
+class Exchange(_OfPair):
+    """Tries a design exchanged, once a level, where it is the wrong way round."""
+
+    def __init__(self, problem: Problem, pair: Pair | None) -> None:
+        super().__init__(problem, pair)
+        self._tried: Array | None = None
 
     def new_level(self) -> None:
         """Allow one more try."""
@@ -91,32 +94,15 @@ class Exchange:
         """The exchanged design (d,) of the unit cube, if it is the best run at this level."""
         if self._tried is None:
             return None
-        values = archive.values_at(level)
-        its = (archive.designs_at(level) == self._tried).all(axis=1)
-        best = its.any() and not its.all() and values[its].min() < values[~its].min()
-        return self._tried if best else None
+        return self._tried if archive.beats_others(self._tried, level) else None
 
 
-class Watch:
-    """Says, once a stage, when generations have stayed where the pair is the wrong way round.
-
-    Args:
-        problem: what to minimise over.
-        pair: the first is not to be above the second; None where nothing is exchanged.
-
-    Raises:
-        ConfigError: if a variable of the pair is not free.
-    """
+class Watch(_OfPair):
+    """Says, once a stage, when generations have stayed where the pair is the wrong way round."""
 
     def __init__(self, problem: Problem, pair: Pair | None) -> None:
-        check_pair(problem, pair)
-        self._problem, self._pair = problem, pair
+        super().__init__(problem, pair)
         self._generations, self._done = 0, False
-
-    @property
-    def name(self) -> str:
-        """The exchange in words."""
-        return _words(self._pair)
 
     def new_stage(self) -> None:
         """Allow one more exchange."""
