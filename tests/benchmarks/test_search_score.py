@@ -9,7 +9,16 @@ import pytest
 from benchmarks.search.case import Trace
 from benchmarks.search.report import report
 from benchmarks.search.results import Result, append, done, kind_of, read, result_file
-from benchmarks.search.score import compare, expected_running_time, geometric_mean, hit, share
+from benchmarks.search.score import (
+    compare,
+    expected_running_time,
+    geometric_mean,
+    hit,
+    left_on_the_way,
+    mean_and_error,
+    paired,
+    share,
+)
 
 
 def _trace(*entries: tuple[float, int], cost: float = 100.0) -> Trace:
@@ -47,6 +56,21 @@ def test_the_ratio_is_of_expected_running_times_over_common_instances() -> None:
 def test_the_geometric_mean_limits_what_only_one_reached() -> None:
     ratios = np.array([[4.0, 1.0], [1.0, np.inf], [2.0, 0.0]])
     np.testing.assert_allclose(geometric_mean(ratios), [2.0, 1.0])
+
+
+def test_what_is_left_on_the_way_is_an_average_over_the_logarithm_of_the_cost() -> None:
+    # nothing gained up to a cost of 10 of 100, from there on one decade, beyond it does not count
+    (result,) = _results("mfopt", [_trace((10, 20), (50, 90))])
+    share_of_way = math.log(100 / 10) / math.log(40)
+    assert left_on_the_way(result, 20) == pytest.approx(-share_of_way, abs=0.02)
+
+
+def test_runs_are_paired_by_case_and_instance() -> None:
+    ours = _results("mfopt", [_trace((1, 20)), _trace((1, 40)), _trace((1, 30))])
+    theirs = _results("pycma", [_trace((1, 30)), _trace((1, 30))])
+    differences = paired(ours, theirs, 40)
+    np.testing.assert_allclose(differences, [0.5, -0.5])
+    assert mean_and_error(differences) == "+0.00 ± 0.50"
 
 
 def test_lost_and_unreached_cases_are_named() -> None:
