@@ -59,14 +59,17 @@ VARIANTS = {
 def table(directory: Path) -> str:
     """The ratios as Markdown."""
     lines = ["| variant | suite | geometric mean | decades left | lost |", "|---|---|---|---|---|"]
+    chosen = run.numbers([INSTANCES])
     for suite, cases in CASES.items():
-        results, targets = read_suite(directory, "tuning", suite), TARGETS[suite]
+        targets = TARGETS[suite]
+        results = {
+            name: [r for r in rows if r.case in cases and r.instance in chosen]
+            for name, rows in read_suite(directory, "tuning", suite).items()
+        }
         for name in VARIANTS[suite]:
-            s = compare(
-                results[WHOLE], {name: results[name]}, targets, cases=cases, centre=geometric_mean
-            )
-            whole = [r for r in results[WHOLE] if r.case in cases]
-            left = mean_and_error(paired(whole, results[name], max(targets)))
+            whole, variants = results[WHOLE], results[name]
+            s = compare(whole, {name: variants}, targets, centre=geometric_mean)
+            left = mean_and_error(paired(whole, variants, max(targets)))
             instances = max(r.instances for r in s.ratios)
             variant = name.removeprefix("mfopt-").replace("-", " ")
             lines.append(

@@ -96,9 +96,12 @@ def left_on_the_way(result: Result, hardest: int) -> float:
 
 
 def paired(ours: Sequence[Result], theirs: Sequence[Result], hardest: int) -> Array:
-    """Decades that ours leaves more than theirs on the way, one for each run that both have."""
+    """Decades that ours leaves more than theirs on the way, one for each run that both have.
+
+    That is one with the same case, instance and budget.
+    """
     mine, other = (
-        {(r.case, r.instance): left_on_the_way(r, hardest) for r in results}
+        {(r.case, r.instance, r.budget): left_on_the_way(r, hardest) for r in results}
         for results in (ours, theirs)
     )
     return np.array([mine[key] - other[key] for key in sorted(mine.keys() & other.keys())])
