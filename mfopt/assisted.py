@@ -3,7 +3,8 @@
 In each generation the surrogate, taught with all runs at all levels around the sampling
 distribution, proposes the minimiser of its mean in a trust region beside the CMA-ES samples. The
 candidates that are run are that minimiser, then those that joint posterior draws favour (Thompson
-sampling), until the ranking of the generation is decided. CMA-ES is told the ranking by the weights
+sampling), until the ranking of the generation is decided; all of them where runs scatter by more
+than half of what candidates differ by. CMA-ES is told the ranking by the weights
 that its candidates can expect over joint posterior draws. The level changes by itself
 (`mfopt.climbing`). The last run is that of the recommended design at the target level, if it had
 none there.
@@ -26,7 +27,7 @@ from mfopt.distribution import Distribution
 from mfopt.errors import ConfigError
 from mfopt.evaluation import Candidate, Generation, Insight
 from mfopt.plan import Plan
-from mfopt.prescreen import minimiser, thompson
+from mfopt.prescreen import DECIDED, blurred, minimiser, thompson
 from mfopt.problem import Problem
 from mfopt.ranking import certainty, expected_weights, recombination_weights
 from mfopt.recommendation import believed, recommended
@@ -35,7 +36,6 @@ from mfopt.surrogate import Surrogate
 from mfopt.swap import Exchange, Pair
 
 DRAWS = 128
-DECIDED = 0.5  # certainty of a generation's ranking at which no more of it is run
 RADIUS = 2.0  # of the trust region [sqrt(d)], in the distribution's coordinates
 WIDTH_AFTER_CLIMB = 0.05  # least widest deviation after a level change, unit cube
 FAR = 4.0  # a recommendation so far from the mean [sqrt(d)] starts a new distribution
@@ -324,16 +324,24 @@ class AssistedCmaEs:
         if self._belief is None:
             self._close_untaught()
             return
-        weights = self._weights(self._level)
-        if not first and not self._decided(weights):
+        draws = self._draws(self._level, DRAWS)
+        if not first and not self._decided(draws):
             self._pick(awaited=True)
             if self._plan:
                 return
-        self._close(weights)
+        self._close(expected_weights(draws))
 
-    def _decided(self, weights: Array) -> bool:
-        """Whether the generation is ranked well enough to run no more of it."""
-        return certainty(weights) >= DECIDED
+    def _decided(self, draws: Array) -> bool:
+        """Whether joint draws (draws, n) rank the generation well enough to run no more of it."""
+        assert self._belief is not None
+        if self._scatters and blurred(self._belief.posterior, self._level, draws):
+            return False
+        return certainty(expected_weights(draws)) >= DECIDED
+
+    @property
+    def _scatters(self) -> bool:
+        """Whether runs may scatter; at the target of a ladder what holds one level below."""
+        return not self._archive.exact(max(0, min(self._level, len(self._rungs) - 2)))
 
     def _close_untaught(self) -> None:
         """Too few runs have finished to learn from: rank what there is, failed runs last."""

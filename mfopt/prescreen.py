@@ -9,6 +9,8 @@ from mfopt.surrogate import Posterior, left_after_run
 STARTS = 3
 ITERATIONS = 40
 STEPS_BACK = 20  # between the minimiser and the origin
+DECIDED = 0.5  # certainty of a generation's ranking at which no more of it is run
+BLURRED = 0.5  # deviation of a run, in what candidates differ by, above which all are run
 WALL = 10.0  # steepness of the trust region's wall, in deviations of the mean over the starts
 
 
@@ -65,3 +67,15 @@ def thompson(draws: Array, taken: list[int], n: int) -> list[int]:
             break
         chosen.append(int(np.argmin(open_values)))
     return chosen
+
+
+def blurred(posterior: Posterior, level: int, draws: Array) -> bool:
+    """Whether runs scatter by so much of what the candidates differ by that all should be run.
+
+    With fewer the distribution would shrink far below the noise, where nothing more is learnt.
+
+    Args:
+        draws: (draws, candidates) joint posterior draws.
+    """
+    spread = np.sqrt(posterior.transform(draws).var(axis=1).mean())
+    return bool(np.sqrt(posterior.noise_variance(level)) > BLURRED * spread)

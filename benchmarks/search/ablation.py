@@ -47,11 +47,11 @@ CASES = {
     ),
 }  # fmt: skip
 VARIANTS = {
-    "noise-free": ("mfopt-no-proposal", "mfopt-no-prescreening", "mfopt-whole-under-noise"),
+    "noise-free": ("mfopt-no-proposal", "mfopt-no-prescreening"),
     "ladder": tuple(ABLATIONS),
     "noisy": (
-        "mfopt-no-proposal", "mfopt-no-prescreening", "mfopt-whole-under-noise",
-        "mfopt-with-finalists",
+        "mfopt-no-proposal", "mfopt-no-prescreening", "mfopt-prescreening-under-noise",
+        "mfopt-whole-under-noise", "mfopt-with-finalists",
     ),
 }  # fmt: skip
 

@@ -14,6 +14,7 @@ from benchmarks.search.peers.ablations import (
     NoProposal,
     NoTransfer,
     PlannedLevels,
+    PrescreeningUnderNoise,
     WholeUnderNoise,
 )
 from mfopt.arrays import Array
@@ -70,13 +71,22 @@ def test_without_prescreening_whole_generations_are_run() -> None:
     assert least(AssistedCmaEs) < SIZE
 
 
-def test_whole_generations_are_run_only_where_runs_scatter() -> None:
-    def least(noise: float) -> int:
-        runs = Counter(c.generation for c in searched(WholeUnderNoise, ONE, 60.0, noise)[1])
-        return min(n for generation, n in runs.items() if 2 < generation < max(runs))
-
-    assert least(0.0) < SIZE
-    assert least(0.01) >= SIZE
+@pytest.mark.parametrize(
+    ("kind", "noise", "whole"),
+    [
+        (AssistedCmaEs, 0.0, False),
+        (AssistedCmaEs, 3.0, True),  # differences at the start are of about 1
+        (PrescreeningUnderNoise, 3.0, False),
+        (WholeUnderNoise, 0.0, False),
+        (WholeUnderNoise, 0.01, True),
+    ],
+)
+def test_where_runs_scatter_whole_generations_are_run(
+    kind: type[AssistedCmaEs], noise: float, whole: bool
+) -> None:
+    runs = Counter(c.generation for c in searched(kind, ONE, 60.0, noise)[1])
+    least = min(n for generation, n in runs.items() if 2 < generation < max(runs))
+    assert (least >= SIZE) is whole
 
 
 def test_without_proposals_a_bowl_takes_longer() -> None:

@@ -4,19 +4,24 @@ import numpy as np
 import pytest
 
 from mfopt.arrays import Array
-from mfopt.prescreen import minimiser, thompson
+from mfopt.prescreen import blurred, minimiser, thompson
 from mfopt.surrogate import Observations, Posterior
 from surrogates.autoregressive import AutoregressiveGp
 
 BOTTOM = np.array([0.6, -0.3, 0.2])
 
 
+def taught(noise: float = 0.0, n: int = 40) -> Posterior:
+    rng = np.random.default_rng(1)
+    z = rng.normal(size=(n, 3))
+    value = ((z - BOTTOM) ** 2).sum(axis=1) + noise * rng.standard_normal(n)
+    nothing = np.zeros((n, 0))
+    return AutoregressiveGp().fit(Observations(z, np.zeros(n, dtype=np.int64), value, nothing))
+
+
 @pytest.fixture(scope="module")
 def bowl() -> Posterior:
-    z = np.random.default_rng(1).normal(size=(40, 3))
-    value = ((z - BOTTOM) ** 2).sum(axis=1)
-    nothing = np.zeros((40, 0))
-    return AutoregressiveGp().fit(Observations(z, np.zeros(40, dtype=np.int64), value, nothing))
+    return taught()
 
 
 def starts() -> Array:
@@ -66,3 +71,17 @@ def test_thompson_prefers_doubt_over_a_slightly_better_mean() -> None:
     draws = rng.normal([0.0, 0.1], [0.01, 1.0], size=(500, 2))
     chosen = [thompson(draw[None, :], [], 1)[0] for draw in draws]
     assert 0.35 < np.mean(chosen) < 0.55
+
+
+def test_noise_blurs_candidates_that_differ_less_than_runs_scatter() -> None:
+    noisy, rng = taught(noise=0.5, n=100), np.random.default_rng(4)
+    candidates = rng.normal(size=(10, 3))
+    for width, expected in ((0.1, True), (3.0, False)):  # they differ by about 0.06 and 30
+        draws = noisy.sample(width * candidates, 0, 64, rng)
+        assert blurred(noisy, 0, draws) is expected
+
+
+def test_without_noise_nothing_is_blurred(bowl: Posterior) -> None:
+    rng = np.random.default_rng(4)
+    close = BOTTOM + 0.05 * rng.normal(size=(10, 3))
+    assert not blurred(bowl, 0, bowl.sample(close, 0, 64, rng))

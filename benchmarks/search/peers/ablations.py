@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from benchmarks.search.case import Array
-from mfopt.assisted import DECIDED, DRAWS, AssistedCmaEs
+from mfopt.assisted import DRAWS, AssistedCmaEs
 from mfopt.climbing import BELOW_SHARE
-from mfopt.ranking import certainty
+from mfopt.prescreen import DECIDED
+from mfopt.ranking import certainty, expected_weights
 
 
 class NoProposal(AssistedCmaEs):
@@ -24,19 +25,22 @@ class NoProposal(AssistedCmaEs):
 class NoPrescreening(AssistedCmaEs):
     """Every candidate is run, however certain the ranking."""
 
-    def _decided(self, weights: Array) -> bool:
+    def _decided(self, draws: Array) -> bool:
         return not self._open
 
 
+class PrescreeningUnderNoise(AssistedCmaEs):
+    """As few candidates are run as rank the generation, however much runs scatter."""
+
+    def _decided(self, draws: Array) -> bool:
+        return certainty(expected_weights(draws)) >= DECIDED
+
+
 class WholeUnderNoise(AssistedCmaEs):
-    """Every candidate is run where runs scatter; where they do not, as many as are needed.
+    """Every candidate is run where runs scatter, however little."""
 
-    At the target of a ladder, what was seen at the level below is taken to hold.
-    """
-
-    def _decided(self, weights: Array) -> bool:
-        known = max(0, min(self._level, len(self._rungs) - 2))
-        return self._archive.exact(known) and super()._decided(weights)
+    def _decided(self, draws: Array) -> bool:
+        return not self._scatters and super()._decided(draws)
 
 
 class NoTransfer(AssistedCmaEs):
@@ -126,6 +130,7 @@ class Finalists(AssistedCmaEs):
 ABLATIONS: Mapping[str, type[AssistedCmaEs]] = {
     "mfopt-no-proposal": NoProposal,
     "mfopt-no-prescreening": NoPrescreening,
+    "mfopt-prescreening-under-noise": PrescreeningUnderNoise,
     "mfopt-whole-under-noise": WholeUnderNoise,
     "mfopt-no-transfer": NoTransfer,
     "mfopt-planned-levels": PlannedLevels,
