@@ -73,7 +73,8 @@ def report(directory: Path, search: str, kind: str) -> tuple[str, dict[str, Summ
         summary = compare(ours, others, regime.targets, cases=_cases(regime))
         summaries[regime.title] = summary
         rows.append(_row(regime, summary, ours))
-        lost += [f"\n### {regime.title}\n", *_by_peer(ours, others, regime), *_lost(summary)]
+        alone = {**_foreign(results), **others}
+        lost += [f"\n### {regime.title}\n", *_by_peer(ours, alone, regime), *_lost(summary)]
     head = [
         f"# {search} against its peers, {kind} instances\n",
         "Ratio of expected running times, failures counted; above 1 ours is cheaper. The best "
@@ -150,8 +151,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _others(results: Mapping[str, list[Result]], regime: Regime) -> dict[str, list[Result]]:
     if regime.peers is None:
-        return {name: rows for name, rows in results.items() if not name.startswith(OWN)}
+        return _foreign(results)
     return {name: results[name] for name in regime.peers if name in results}
+
+
+def _foreign(results: Mapping[str, list[Result]]) -> dict[str, list[Result]]:
+    return {name: rows for name, rows in results.items() if not name.startswith(OWN)}
 
 
 def _cases(regime: Regime) -> list[str]:
@@ -174,14 +179,15 @@ def _row(regime: Regime, s: Summary, ours: Sequence[Result]) -> str:
 def _by_peer(
     ours: Sequence[Result], others: Mapping[str, Sequence[Result]], regime: Regime
 ) -> list[str]:
-    """Median ratio to each peer alone."""
-    lines = ["| peer alone | median ratio | lost |", "|---|---|---|"]
+    """Median ratio to each peer alone, on the cases and instances that both have."""
+    lines = ["| peer alone | median ratio | lost | cases, instances |", "|---|---|---|---|"]
     for name, rows in others.items():
         s = compare(ours, {name: rows}, regime.targets, cases=_cases(regime))
         instances = max((r.instances for r in s.ratios), default=0)
+        cases = len({r.case for r in s.ratios})
         lines.append(
             f"| {name} | {times(s.centre)}{interval(s, instances)} "
-            f"| {len(s.lost)} of {len(s.ratios)} |"
+            f"| {len(s.lost)} of {len(s.ratios)} | {cases}, {instances} |"
         )
     return lines
 
