@@ -73,7 +73,7 @@ def report(directory: Path, search: str, kind: str) -> tuple[str, dict[str, Summ
         summary = compare(ours, others, regime.targets, cases=_cases(regime))
         summaries[regime.title] = summary
         rows.append(_row(regime, summary, ours))
-        alone = {**_foreign(results), **others}
+        alone = others if all(map(_own, others)) else {**_foreign(results), **others}
         lost += [f"\n### {regime.title}\n", *_by_peer(ours, alone, regime), *_lost(summary)]
     head = [
         f"# {search} against its peers, {kind} instances\n",
@@ -156,7 +156,11 @@ def _others(results: Mapping[str, list[Result]], regime: Regime) -> dict[str, li
 
 
 def _foreign(results: Mapping[str, list[Result]]) -> dict[str, list[Result]]:
-    return {name: rows for name, rows in results.items() if not name.startswith(OWN)}
+    return {name: rows for name, rows in results.items() if not _own(name)}
+
+
+def _own(name: str) -> bool:
+    return name.startswith(OWN)
 
 
 def _cases(regime: Regime) -> list[str]:

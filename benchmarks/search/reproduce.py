@@ -19,7 +19,7 @@ PEERS = {
     "noise-free": ("pycma", "lra", "lq"),
     "noisy": ("pycma", "lra", "noise-handler", "lq"),
     "ladder": ("pycma", "lra", *LADDERS),
-    "bad": ("pycma", *LADDERS),
+    "bad": ("pycma", *LADDERS, "mfopt-target"),
 }
 REDUCED_CASES = {
     "noise-free": ("bbob/f8/d10", "bbob/f10/d13"),
