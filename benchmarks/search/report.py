@@ -119,6 +119,7 @@ def draw(summaries: Mapping[str, Summary], path: Path) -> None:
         axis.set_xticks([])
     axes[-1, 0].set_xlabel("cases and targets, sorted")
     figure.tight_layout()
+    figure.align_ylabels()
     with plt.rc_context({"svg.hashsalt": "mfopt"}):  # the same figure is the same file
         figure.savefig(path, metadata={"Date": None})
     plt.close(figure)
