@@ -325,18 +325,19 @@ class AssistedCmaEs:
             self._close_untaught()
             return
         draws = self._draws(self._level, DRAWS)
-        if not first and not self._decided(draws):
+        weights = expected_weights(draws)
+        if not first and not self._decided(draws, weights):
             self._pick(awaited=True)
             if self._plan:
                 return
-        self._close(expected_weights(draws))
+        self._close(weights)
 
-    def _decided(self, draws: Array) -> bool:
+    def _decided(self, draws: Array, weights: Array) -> bool:
         """Whether joint draws (draws, n) rank the generation well enough to run no more of it."""
         assert self._belief is not None
-        if self._scatters and blurred(self._belief.posterior, self._level, draws):
+        if certainty(weights) < DECIDED:
             return False
-        return certainty(expected_weights(draws)) >= DECIDED
+        return not (self._scatters and blurred(self._belief.posterior, self._level, draws))
 
     @property
     def _scatters(self) -> bool:

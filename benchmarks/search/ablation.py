@@ -4,8 +4,9 @@ Three parts that it does not have are measured the same way: the search against 
 
 python -m benchmarks.search.ablation [--in benchmarks/search/results] [--jobs 1]
 
-It runs what is missing of six smooth cases, nine ladders and five noisy cases on instances 6-8,
-which the search was not tuned on. Then it prints how many times cheaper the search reaches the
+It runs what is missing of six smooth cases, nine ladders and five noisy cases on instances 6-8. On
+these and 9-11 it was decided when generations are run whole; no other part was tuned on them. Then
+it prints how many times cheaper the search reaches the
 targets, as a geometric mean over cases and targets, of ratios limited to 10; and how many decades
 of the first gap the search leaves more than the variant on the way, a mean with its standard error
 over runs with the same case and instance (below 0 the search is better).

@@ -12,7 +12,7 @@ from benchmarks.search.case import Array
 from mfopt.assisted import DRAWS, AssistedCmaEs
 from mfopt.climbing import BELOW_SHARE
 from mfopt.prescreen import DECIDED
-from mfopt.ranking import certainty, expected_weights
+from mfopt.ranking import certainty
 
 
 class NoProposal(AssistedCmaEs):
@@ -25,22 +25,23 @@ class NoProposal(AssistedCmaEs):
 class NoPrescreening(AssistedCmaEs):
     """Every candidate is run, however certain the ranking."""
 
-    def _decided(self, draws: Array) -> bool:
+    def _decided(self, draws: Array, weights: Array) -> bool:
         return not self._open
 
 
 class PrescreeningUnderNoise(AssistedCmaEs):
     """As few candidates are run as rank the generation, however much runs scatter."""
 
-    def _decided(self, draws: Array) -> bool:
-        return certainty(expected_weights(draws)) >= DECIDED
+    @property
+    def _scatters(self) -> bool:
+        return False
 
 
 class WholeUnderNoise(AssistedCmaEs):
     """Every candidate is run where runs scatter, however little."""
 
-    def _decided(self, draws: Array) -> bool:
-        return not self._scatters and super()._decided(draws)
+    def _decided(self, draws: Array, weights: Array) -> bool:
+        return not self._scatters and super()._decided(draws, weights)
 
 
 class NoTransfer(AssistedCmaEs):
