@@ -10,7 +10,7 @@ def main() -> None:
     """
     for library in ("OMP", "OPENBLAS", "MKL"):
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
-    from mfopt.cli import app
+    from mfopt.commands.app import app
 
     app()
 

@@ -52,7 +52,9 @@ def test_compiling_is_said_once() -> None:
     assert said == ["compiling"]
 
 
-@pytest.mark.parametrize("module", ["mfopt.cli", "fidelity.dosing_level", "fidelity.assemble"])
+@pytest.mark.parametrize(
+    "module", ["mfopt.commands.app", "fidelity.dosing_level", "fidelity.assemble"]
+)
 def test_numba_is_not_loaded_before_it_is_used(module: str) -> None:
     look = f"import sys, {module}; print('numba' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", look], capture_output=True, text=True, check=True)

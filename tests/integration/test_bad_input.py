@@ -11,7 +11,7 @@ import pytest
 from campaigns import PLAN, STUDY
 from typer.testing import CliRunner, Result
 
-from mfopt.cli import app
+from mfopt.commands.app import app
 
 GOOD = STUDY.format(engine='"bullet"')
 

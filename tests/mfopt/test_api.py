@@ -6,7 +6,7 @@ from typer.testing import CliRunner
 
 import mfopt
 from mfopt.arrays import Array
-from mfopt.cli import app
+from mfopt.commands.app import app
 from surrogates.autoregressive import AutoregressiveGp
 
 

@@ -1,0 +1,1 @@
+"""The commands of the `mfopt` program, a file each: here core and sibling folders meet."""

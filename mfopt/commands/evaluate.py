@@ -1,0 +1,50 @@
+"""`mfopt evaluate`: one design once on one level."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fidelity.assemble import assemble, traced
+from mfopt.commands.shared import FromRun, StudyFile, ValuesGiven, chosen_design
+from mfopt.objective import objective_named
+from mfopt.study import read_study
+
+
+def evaluate(
+    study_file: StudyFile,
+    level: Annotated[str | None, typer.Option(help="level; the top one if left out")] = None,
+    seed: Annotated[int, typer.Option(help="seed of the simulation", min=0)] = 1,
+    settings: ValuesGiven = None,
+    best_of: FromRun = None,
+    trace: Annotated[
+        Path | None, typer.Option(help="directory for VTK files of the grains (YADE)")
+    ] = None,
+) -> None:
+    """Run one design once on one level and print what came out, as JSON."""
+    study, _ = read_study(study_file)
+    parts = assemble(study, where=str(study_file))
+    x = chosen_design(parts.problem, settings or [], best_of)
+    chosen = parts.all_levels[level or parts.ladder.top.name]
+    if trace is not None:
+        chosen = traced(chosen, trace)
+    outcome = chosen.evaluate(x, seed=seed)
+    terms = {}
+    if outcome.finished:
+        terms = objective_named(study.problem.objective)(outcome.raw)
+    answer = {
+        "design": parts.problem.named(x),
+        "level": outcome.level,
+        "seed": seed,
+        "status": outcome.status,
+        "why": outcome.why,
+        "terms": terms,
+        "objective": sum(terms.values()) if terms else None,
+        "raw": {name: float(a) for name, a in outcome.raw.items() if a.ndim == 0},
+        "work": outcome.work,
+        "cpu_s": outcome.cpu_s,
+    }
+    typer.echo(json.dumps(answer, indent=2))
+    if not outcome.finished:
+        raise typer.Exit(1)

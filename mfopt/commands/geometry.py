@@ -1,0 +1,45 @@
+"""`mfopt geometry`: meshes and CAD files of one design."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fidelity.assemble import assemble
+from fidelity.dosing import design, design_parts
+from geometry.export import write_gltf, write_stl
+from geometry.manufacturability import manufacturability
+from mfopt.commands.shared import FromRun, StudyFile, ValuesGiven, chosen_design, screen
+from mfopt.errors import ConfigError
+from mfopt.store import full_disk_named
+from mfopt.study import read_study
+
+
+def geometry(
+    study_file: StudyFile,
+    directory: Annotated[Path, typer.Option("--directory", "-d", help="where to write")],
+    settings: ValuesGiven = None,
+    best_of: FromRun = None,
+    step: Annotated[bool, typer.Option("--step", help="STEP too (needs the extra cad)")] = False,
+) -> None:
+    """Write the meshes of one design (STL, glTF, STEP) and say how it can be made."""
+    study, _ = read_study(study_file)
+    parts = assemble(study, where=str(study_file))
+    x = chosen_design(parts.problem, settings or [], best_of)
+    if parts.dosing is None:
+        raise ConfigError(f'{study_file} has no geometry: it needs scene = "dosing"')
+    from geometry.step import write_step
+
+    if (why := parts.problem.impossible(x)) is not None:
+        raise ConfigError(f"this design cannot be built: {why}")
+    machine, meshes = design(parts.dosing, x), design_parts(parts.dosing, x)
+    with full_disk_named(directory):
+        directory.mkdir(parents=True, exist_ok=True)
+        for name, mesh in meshes.items():
+            write_stl(directory / f"{name}.stl", mesh)
+        write_gltf(directory / "machine.glb", meshes)
+        if step:
+            write_step(directory / "hopper.step", machine.loft, machine.tube_end_z)
+    for sentence in manufacturability(machine.loft).sentences():
+        screen.print(sentence)
+    screen.print(f"wrote {', '.join(sorted(p.name for p in directory.iterdir()))} to {directory}")

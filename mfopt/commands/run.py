@@ -1,0 +1,141 @@
+"""`mfopt run`: search, confirmation and reports of a study."""
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.console import Console
+
+from fidelity.assemble import Assembled, assemble
+from mfopt.begin import begin, begin_reference
+from mfopt.commands.report import write_reports
+from mfopt.commands.shared import AsJson, Quiet, StudyFile
+from mfopt.commands.status import print_result
+from mfopt.executor import Runner, dask_cluster, local_processes
+from mfopt.header import header
+from mfopt.search import Search, rungs, window
+from mfopt.store import RunDirectory, full_disk_named, open_run, writing
+from mfopt.study import Study, read_study
+
+if TYPE_CHECKING:
+    from mfopt.progress import ProgressDisplay
+
+
+def run(
+    study_file: StudyFile,
+    directory: Annotated[
+        Path | None, typer.Option("--directory", "-d", help="run directory; runs/NAME if left out")
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="go on with a broken-off run, if there is one")
+    ] = False,
+    quiet: Quiet = False,
+    as_json: AsJson = False,
+) -> None:
+    """Run a study, confirm its best design over fresh seeds and write the reports."""
+    from mfopt.run import run_study
+
+    study, text = read_study(study_file)
+    parts = assemble(study, where=str(study_file))
+    search = _search(study, parts)
+    workers = study.run.workers or len(os.sched_getaffinity(0))
+    address = study.run.scheduler
+    runner = Runner(dask_cluster(address) if address else local_processes(workers))
+    path = directory or Path("runs") / study.study.name
+    console = Console(quiet=quiet or as_json)
+    with full_disk_named(path):
+        begin(path, text, _header(study, parts, workers), resume=resume)
+        _prepare(study, parts, console)
+        with writing(path), _display(study, parts, search, console) as display:
+            into = open_run(path)
+            _begin_reference(into, parts, console)
+            run_study(
+                parts.problem,
+                parts.ladder,
+                search,
+                runner,
+                into,
+                confirm_on=parts.confirm_on,
+                confirm_seeds=study.confirm.seeds,
+                window=window(into.header["workers"]),
+                reference=parts.reference_level,
+                watch=display.watch,
+            )
+        write_reports(path, parts, console)
+    print_result(path, console, as_json=as_json)
+    own, simulators = display.cpu()
+    console.print(f"mfopt itself took {own:.1f} s of CPU, {own / (own + simulators):.1%} of all")
+
+
+def _search(study: Study, parts: Assembled) -> Search:
+    """The search that the study asks for; what it needs is only then loaded."""
+    its, objective = study.search, study.problem.objective
+    if its.method == "cma-es":
+        from mfopt.cmaes import CmaEs
+
+        stages = its.stages(objective)
+        return CmaEs(parts.problem, stages, seed=study.study.seed, exchange=its.exchange)
+    from mfopt.assisted import AssistedCmaEs
+    from surrogates.autoregressive import AutoregressiveGp
+
+    assert its.budget is not None  # the study file was refused without
+    return AssistedCmaEs(
+        parts.problem,
+        rungs(parts.ladder, parts.problem.baseline),
+        AutoregressiveGp(),
+        budget=its.budget,
+        seed=study.study.seed,
+        sigma=its.sigma,
+        population_size=its.population_size,
+        objective=objective,
+        seeds=its.seeds,
+        exchange=its.exchange,
+    )
+
+
+def _prepare(study: Study, parts: Assembled, console: Console) -> None:
+    """Compile what all workers here would else compile."""
+    if parts.uses_numba and study.run.scheduler is None:
+        from fidelity.numba_engine import prepare
+
+        prepare(lambda: console.print("compiling the grain engine, once: about 30 s"))
+
+
+def _begin_reference(run: RunDirectory, parts: Assembled, console: Console) -> None:
+    begin_reference(run, parts.reference)
+    if run.reference is not None and run.reference.why_not is not None:
+        why = f"the reference run is left out: {run.reference.why_not}"
+        console.print(why, highlight=False, soft_wrap=True)
+
+
+def _display(study: Study, parts: Assembled, search: Search, console: Console) -> "ProgressDisplay":
+    """The progress, with the work of the confirmation planned."""
+    from mfopt.progress import ProgressDisplay
+
+    at_top = parts.ladder.top.name
+    work = {level.name: level.work(parts.problem.baseline) for level in parts.all_levels}
+    once_more = 0.0 if parts.reference_level is None else work[parts.reference_level.name]
+    return ProgressDisplay(
+        console,
+        work=work,
+        full_run=work[at_top],
+        unit=parts.problem.objective_unit,
+        confirm_work=2 * (study.confirm.seeds * work[at_top] + once_more),
+        budget=None if study.search.budget is None else study.search.budget * work[at_top],
+        insight=lambda: search.insight,
+    )
+
+
+def _header(study: Study, parts: Assembled, workers: int) -> dict[str, Any]:
+    return header(
+        parts.problem,
+        parts.ladder,
+        name=study.study.name,
+        seed=study.study.seed,
+        method=study.search.method,
+        objective=study.problem.objective,
+        workers=workers,
+        levels=parts.described,
+        versions=parts.versions,
+    )

@@ -1,0 +1,26 @@
+"""`mfopt status`: how far a run has come and what it has found."""
+
+import json
+from pathlib import Path
+
+import typer
+from rich.console import Console
+
+from mfopt.commands.shared import AsJson, RunPath, screen
+from mfopt.store import open_run
+
+
+def status(path: RunPath, as_json: AsJson = False) -> None:
+    """Say how far a run has come and what it has found."""
+    print_result(path, screen, as_json=as_json)
+
+
+def print_result(path: Path, console: Console, *, as_json: bool) -> None:
+    """The result in a few lines, or as JSON."""
+    from reports.answer import answer, as_table
+
+    its = answer(open_run(path))
+    if as_json:
+        typer.echo(json.dumps(its, indent=2))
+    else:
+        console.print(as_table(its))
