@@ -31,6 +31,11 @@ LACKS = ("rolling_friction", "adhesion_energy", "linear_drag", "quadratic_drag",
 
 _SCRIPT = Path(__file__).with_name("yade_script.py")
 
+# YADE's start script opens two ports to the whole network, one of them a Python console, before it
+# runs ours. It first imports the module that its option -L names, from the run's directory.
+_NO_SERVERS = "mfopt_no_servers"
+_NO_SERVERS_SOURCE = "import yade.remote\n\nyade.remote.runServers = lambda: None\n"
+
 
 @dataclass(frozen=True, slots=True)
 class YadeEngine:
@@ -84,7 +89,9 @@ class YadeEngine:
         with tempfile.TemporaryDirectory(prefix="mfopt-yade-") as name:
             directory = Path(name)
             write_setup(setup, directory, settings)
-            command = [PROGRAMS[self.precision], "-n", "-x", "-j1", str(_SCRIPT), name]
+            (directory / f"{_NO_SERVERS}.py").write_text(_NO_SERVERS_SOURCE, encoding="utf-8")
+            options = ["-n", "-x", "-j1", "-L", _NO_SERVERS]
+            command = [PROGRAMS[self.precision], *options, str(_SCRIPT), name]
             ended = run_logged(command, directory=directory, time_limit_s=time_limit_s)
             movement = read_movement(directory, cpu_s=ended.cpu_s)
         if ended.timed_out:

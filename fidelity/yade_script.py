@@ -1,7 +1,7 @@
 """Moves the grains inside YADE: reads `setup.npz` and `.json`, writes `result.npz` and `.json`.
 
-Run as `yade -n -x -j1 yade_script.py DIRECTORY`, in YADE's own Python, so of this project it
-may import only what needs no more than numpy; `fidelity.exchange` says what is in the files.
+Run by `fidelity.yade` in YADE's own Python, so of this project it may import only what needs no
+more than numpy; `fidelity.exchange` says what is in the files.
 
 Nothing here is called every step: the grains are looked at every `CHECK_S`, and the moving
 walls get the velocities that put them where their motions want them at the next look.
