@@ -9,7 +9,7 @@ import numpy as np
 
 from geometry.mesh import Mesh, corners
 from geometry.step import write_step as write_step
-from mfopt.store import full_disk_named, write_aside
+from mfopt.files import write_aside
 
 # Colours of the parts in turn [RGBA, 0..255]: Okabe and Ito, told apart by the colour-blind.
 COLOURS = (
@@ -34,8 +34,7 @@ def write_stl(path: Path, mesh: Mesh) -> None:
     )
     facets["normal"], facets["corners"] = normals, points
     header = b"mfopt, millimetres".ljust(80) + np.uint32(len(points)).tobytes()
-    with full_disk_named(path):
-        write_aside(path, header + facets.tobytes())
+    write_aside(path, header + facets.tobytes())
 
 
 def write_gltf(path: Path, meshes: Mapping[str, Mesh]) -> None:
@@ -57,5 +56,4 @@ def write_gltf(path: Path, meshes: Mapping[str, Mesh]) -> None:
         )
         part.visual = trimesh.visual.TextureVisuals(material=material)
         scene.add_geometry(part, node_name=name, geom_name=name)
-    with full_disk_named(path):
-        write_aside(path, bytes(scene.export(file_type="glb")))
+    write_aside(path, bytes(scene.export(file_type="glb")))

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from mfopt.arrays import Array, frozen
 from mfopt.assisted import AssistedCmaEs
+from mfopt.begin import begin
 from mfopt.cmaes import CmaEs
 from mfopt.errors import ConfigError, MfoptError
 from mfopt.evaluation import Evaluation
@@ -20,7 +21,7 @@ from mfopt.level import Ladder, Level
 from mfopt.problem import Constraint, Problem, Variable
 from mfopt.run import run_study
 from mfopt.search import Reevaluate, Search, Stage, default_population_size, rungs, window
-from mfopt.store import create, open_run, writing
+from mfopt.store import writing
 from mfopt.surrogate import Surrogate
 
 GENERATIONS = 30  # per level of a plan that names none
@@ -116,13 +117,12 @@ def minimize(
     runner = Runner(local_processes(workers) if workers > 1 else one_thread)
     with tempfile.TemporaryDirectory(prefix="mfopt-") as scratch:
         path = Path(directory) if directory is not None else Path(scratch) / "run"
-        if not (path / "run.json").exists():
-            create(path, "", header(
+        with writing(path):
+            now = header(
                 problem, ladder, name=path.name, seed=seed, objective="returned",
                 method="cma-es" if surrogate is None else "assisted", workers=workers,
-            ))  # fmt: skip
-        with writing(path):
-            run = open_run(path)
+            )  # fmt: skip
+            run = begin(path, "", now, resume=True)
             best = run_study(
                 problem, ladder, search, runner, run, confirm_on=ladder, confirm_seeds=0,
                 window=window(run.header["workers"]),

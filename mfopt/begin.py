@@ -14,8 +14,10 @@ LEAST_DISK = 100e6  # [bytes] a run of 1000 evaluations of 1000 grains takes abo
 FIXED = ("mfopt_version", "versions", "levels")  # must not change over a resume
 
 
-def begin(path: Path, study: str, header: Mapping[str, Any], *, resume: bool) -> None:
+def begin(path: Path, study: str, header: Mapping[str, Any], *, resume: bool) -> RunDirectory:
     """Create the run directory, or make sure that it holds this very study.
+
+    To be called within `mfopt.store.writing`, so that of two starts only one goes on.
 
     Args:
         path: the run directory.
@@ -25,12 +27,10 @@ def begin(path: Path, study: str, header: Mapping[str, Any], *, resume: bool) ->
 
     Raises:
         ConfigError: if there is a run and `resume` is off, if it is of another study or was
-            begun with other programs, or if the disk is full.
+            begun with other programs, or if it cannot be written.
     """
     if not (resume and (path / "run.json").exists()):
-        _check_disk(path)
-        create(path, study, header)
-        return
+        return create(path, study, header)
     run = open_run(path)
     if run.study_file.read_text(encoding="utf-8") != study:
         raise ConfigError(
@@ -43,6 +43,7 @@ def begin(path: Path, study: str, header: Mapping[str, Any], *, resume: bool) ->
                 f"{path} was begun with another {key}: {_change(run.header.get(key), header[key])}"
                 "; resume with what it was begun with, or give another --directory"
             )
+    return run
 
 
 def begin_reference(run: RunDirectory, now: Reference | None) -> None:
@@ -75,7 +76,14 @@ def _change(old: Any, new: Any) -> str:
     return f"{old} (now {new})"
 
 
-def _check_disk(path: Path) -> None:
+def check_disk(path: Path) -> None:
+    """Make sure that a new run has room.
+
+    Raises:
+        ConfigError: if the disk is nearly full.
+    """
+    if (path / "run.json").exists():
+        return
     parent = next(p for p in (path, *path.absolute().parents) if p.exists())
     free = shutil.disk_usage(parent).free
     if free < LEAST_DISK:

@@ -19,9 +19,9 @@ from typing import Any
 
 from mfopt.errors import ConfigError
 from mfopt.evaluation import Candidate
+from mfopt.files import full_disk_named
 from mfopt.level import Ladder, Level
 from mfopt.outcome import Outcome
-from mfopt.store import full_disk_named
 
 MakeExecutor = Callable[[], cf.Executor]
 PR_SET_PDEATHSIG = 1  # prctl(2)

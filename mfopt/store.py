@@ -12,8 +12,6 @@ dropped. Nothing is ever unpickled.
 """
 
 import contextlib
-import errno
-import fcntl
 import io
 import json
 import math
@@ -29,6 +27,8 @@ import numpy as np
 from mfopt.arrays import AnyArray, frozen
 from mfopt.errors import ConfigError
 from mfopt.evaluation import Candidate, Evaluation, Generation, Insight, Reference
+from mfopt.files import ASIDE, disk_errors_named, write_aside
+from mfopt.lock import held
 from mfopt.outcome import Outcome
 
 FORMAT = 1
@@ -121,7 +121,8 @@ class RunDirectory:
         self.end = why
 
     def _append(self, line: Mapping[str, Any]) -> None:
-        with full_disk_named(self.path), open(self.path / "journal.jsonl", "ab") as journal:
+        its = self.path / "journal.jsonl"
+        with disk_errors_named(its, "write"), open(its, "ab") as journal:
             journal.write((json.dumps(line, allow_nan=False) + "\n").encode())
             journal.flush()
             os.fsync(journal.fileno())
@@ -136,13 +137,10 @@ def create(path: Path, study: str, header: Mapping[str, Any]) -> RunDirectory:
     if (path / "run.json").exists():
         raise ConfigError(f"{path} holds a run already; use --resume, or another directory")
     header = {"format": FORMAT, **header}
-    try:
-        with full_disk_named(path):
-            (path / "outcomes").mkdir(parents=True, exist_ok=True)
-            write_aside(path / "study.toml", study.encode())
-            write_aside(path / "run.json", json.dumps(header, indent=2).encode())
-    except OSError as error:
-        raise ConfigError(f"cannot write the run directory {path}: {error.strerror}") from error
+    with disk_errors_named(path, "write"):
+        (path / "outcomes").mkdir(parents=True, exist_ok=True)
+    write_aside(path / "study.toml", study.encode())
+    write_aside(path / "run.json", json.dumps(header, indent=2).encode())
     return RunDirectory(path, header)
 
 
@@ -181,23 +179,37 @@ def open_run(path: Path) -> RunDirectory:
 
 @contextlib.contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """Hold the run directory for writing, and drop a torn last line of its journal.
+    """Hold the run directory for writing, and clear what a killed writer left there.
+
+    That is a torn last line of the journal, and files that were not written to their end.
 
     Raises:
-        ConfigError: if another mfopt is writing to it.
+        ConfigError: if another mfopt is writing to it, or the disk refuses it.
     """
-    with open(path / "run.json") as held:
-        try:
-            fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise ConfigError(f"another mfopt is running in {path}; wait for it to end") from error
-        journal = path / "journal.jsonl"
-        if journal.exists():
-            text = journal.read_bytes()
-            whole = text[: text.rfind(b"\n") + 1]
-            if whole != text:
-                os.truncate(journal, len(whole))
+    with held(path):
+        with disk_errors_named(path, "write"):
+            _clear_leftovers(path)
+            _drop_torn_line(path / "journal.jsonl")
         yield
+
+
+def _clear_leftovers(path: Path) -> None:
+    for file in (*path.glob(".*"), *(path / "outcomes").glob(".*")):
+        parts = ASIDE.fullmatch(file.name)
+        if parts is None:
+            continue
+        pid = int(parts["pid"])
+        of_report = file.name.startswith(".report.")  # `mfopt report` needs no lock
+        if not (of_report and pid != os.getpid() and Path(f"/proc/{pid}").exists()):
+            file.unlink(missing_ok=True)
+
+
+def _drop_torn_line(journal: Path) -> None:
+    if journal.exists():
+        text = journal.read_bytes()
+        whole = text.rfind(b"\n") + 1
+        if whole != len(text):
+            os.truncate(journal, whole)
 
 
 def _journal(path: Path) -> Iterator[dict[str, Any]]:
@@ -213,32 +225,6 @@ def _journal(path: Path) -> Iterator[dict[str, Any]]:
             ) from error
 
 
-@contextlib.contextmanager
-def full_disk_named(path: Path) -> Iterator[None]:
-    """Turn "no space left" into a message that says where and what to do."""
-    try:
-        yield
-    except OSError as error:
-        if error.errno not in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
-            raise
-        raise ConfigError(
-            f"no disk space left for {path}; free some and continue with --resume"
-        ) from error
-
-
-def write_aside(path: Path, content: bytes) -> None:
-    """Write a file so that it is either whole or absent, whenever the writer is killed."""
-    aside = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        with open(aside, "wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        aside.replace(path)
-    finally:
-        aside.unlink(missing_ok=True)
-
-
 def write_arrays(path: Path, arrays: Mapping[str, AnyArray]) -> None:
     """Write named arrays to an HDF5 file that is either whole or absent."""
     content = io.BytesIO()  # HDF5 cannot close a file on a full disk
@@ -247,8 +233,7 @@ def write_arrays(path: Path, arrays: Mapping[str, AnyArray]) -> None:
             array = np.asarray(values)
             packed = {"compression": "gzip"} if array.size > 1000 else {}
             file.create_dataset(name, data=array, **packed)
-    with full_disk_named(path):
-        write_aside(path, content.getvalue())
+    write_aside(path, content.getvalue())
 
 
 def read_arrays(path: Path) -> dict[str, AnyArray]:

@@ -9,7 +9,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from mfopt.store import RunDirectory, write_aside
+from mfopt.files import write_aside
+from mfopt.store import RunDirectory
 from reports.design import Describe, no_view
 from reports.page import context
 

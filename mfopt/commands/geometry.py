@@ -11,7 +11,7 @@ from geometry.export import write_gltf, write_stl
 from geometry.manufacturability import manufacturability
 from mfopt.commands.shared import FromRun, StudyFile, ValuesGiven, chosen_design, screen
 from mfopt.errors import ConfigError
-from mfopt.store import full_disk_named
+from mfopt.files import full_disk_named
 from mfopt.study import read_study
 
 

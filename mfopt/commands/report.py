@@ -16,8 +16,9 @@ from fidelity.settings import DosingSettings
 from geometry.manufacturability import manufacturability
 from mfopt.arrays import Array
 from mfopt.commands.shared import Quiet, RunPath
+from mfopt.files import full_disk_named
 from mfopt.level import Level
-from mfopt.store import full_disk_named, open_run
+from mfopt.store import open_run
 from mfopt.study import read_study
 from reports.design import Describe, DesignView, no_view
 

@@ -8,14 +8,15 @@ import typer
 from rich.console import Console
 
 from fidelity.assemble import Assembled, assemble
-from mfopt.begin import begin, begin_reference
+from mfopt.begin import begin, begin_reference, check_disk
 from mfopt.commands.report import write_reports
 from mfopt.commands.shared import AsJson, Quiet, StudyFile
 from mfopt.commands.status import print_result
 from mfopt.executor import Runner, dask_cluster, local_processes
+from mfopt.files import full_disk_named
 from mfopt.header import header
 from mfopt.search import Search, rungs, window
-from mfopt.store import RunDirectory, full_disk_named, open_run, writing
+from mfopt.store import RunDirectory, writing
 from mfopt.study import Study, read_study
 
 if TYPE_CHECKING:
@@ -44,11 +45,11 @@ def run(
     runner = Runner(dask_cluster(address) if address else local_processes(workers))
     path = directory or Path("runs") / study.study.name
     console = Console(quiet=quiet or as_json)
-    with full_disk_named(path):
-        begin(path, text, _header(study, parts, workers), resume=resume)
+    check_disk(path)
+    with full_disk_named(path), writing(path):
+        into = begin(path, text, _header(study, parts, workers), resume=resume)
         _prepare(study, parts, console)
-        with writing(path), _display(study, parts, search, console) as display:
-            into = open_run(path)
+        with _display(study, parts, search, console) as display:
             _begin_reference(into, parts, console)
             run_study(
                 parts.problem,

@@ -69,6 +69,19 @@ def test_torn_last_line_is_dropped_and_the_journal_goes_on(tmp_path: Path) -> No
     assert [e.candidate.index for e in open_run(path).evaluations()] == [0, 1]
 
 
+def test_next_writer_clears_what_a_killed_one_left(tmp_path: Path) -> None:
+    path = tmp_path / "run"
+    create(path, "", {}).add_evaluation(evaluation(0))
+    gone, lives = 2**22 + 1, 1  # above the kernel's highest process number, and init
+    left = [path / "outcomes" / f".1.h5.{lives}", path / f".run.json.{gone}",
+            path / f".report.html.{gone}"]  # fmt: skip
+    kept = [path / f".report.pdf.{lives}", path / ".own", path / "outcomes" / "0.h5"]
+    for file in left + kept[:2]:
+        file.write_text("")
+    with writing(path):
+        assert [file for file in left + kept if file.exists()] == kept
+
+
 def test_damage_inside_the_journal_is_refused_with_its_line(tmp_path: Path) -> None:
     path = tmp_path / "run"
     create(path, "", {}).add_evaluation(evaluation(0))
