@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal, cast, get_args
+from typing import Annotated, Any, Literal, cast, get_args
 
 from pydantic import Field
 
@@ -20,9 +20,11 @@ from mfopt.arrays import frozen
 from mfopt.errors import ConfigError
 from mfopt.evaluation import Reference
 from mfopt.level import Ladder, Level
+from mfopt.limits import Grains, Name, TimeLimit, Word, Work
 from mfopt.problem import Problem, Variable
 from mfopt.settings import Settings, checked
 from mfopt.study import ProblemSettings, Study
+from mfopt.swap import check_pair
 
 SNAPSHOTS = 4  # moments of the best run that the report shows
 
@@ -34,7 +36,7 @@ DEM_NAMES = get_args(DemName)
 class DemLevelSettings(DemSettings):
     """A level on a discrete-element engine; of several engines the first installed one runs."""
 
-    name: str = Field(min_length=1)
+    name: Name
     engine: DemName | list[DemName]
     precision: Precision = "double"  # of YADE
 
@@ -42,19 +44,19 @@ class DemLevelSettings(DemSettings):
 class ReducedLevelSettings(Settings):
     """The analytic level: milliseconds a run."""
 
-    name: str = Field(min_length=1)
+    name: Name
     engine: Literal["reduced"]
-    grains: int = Field(default=1000, ge=50)
+    grains: Annotated[Grains, Field(ge=50)] = 1000
 
 
 class CommandLevelSettings(Settings):
     """A program of the user's own: JSON on its standard input, JSON on its standard output."""
 
-    name: str = Field(min_length=1)
+    name: Name
     engine: Literal["command"]
-    command: list[str] = Field(min_length=1)
-    work: float = Field(default=1.0, gt=0.0)  # of one run, relative to the other levels
-    time_limit_s: float = Field(default=3600.0, gt=0.0)
+    command: list[Word] = Field(min_length=1)
+    work: Work = 1.0  # of one run, relative to the other levels
+    time_limit_s: TimeLimit = 3600.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,6 +95,7 @@ def assemble(study: Study, *, where: str) -> Assembled:
     """
     dosing = _dosing(study.problem, where)
     problem = dosing_problem(dosing) if dosing else _own_problem(study.problem, where)
+    _check_exchange(study, problem, where)
     made = [
         _level(table, dosing, problem, f"{where}: level {number}")
         for number, table in enumerate(study.level, start=1)
@@ -114,6 +117,13 @@ def assemble(study: Study, *, where: str) -> Assembled:
     return Assembled(
         problem, ladder, Ladder(detailed), dosing, described, versions, reference, reference_level
     )
+
+
+def _check_exchange(study: Study, problem: Problem, where: str) -> None:
+    try:
+        check_pair(problem, study.search.exchange)
+    except ConfigError as error:
+        raise ConfigError(f"{where}: search: {error}") from error
 
 
 def _dosing(settings: ProblemSettings, where: str) -> DosingSettings | None:

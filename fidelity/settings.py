@@ -12,9 +12,26 @@ from typing import Annotated
 from pydantic import Field, Strict, field_validator, model_validator
 
 from fidelity.engine import Material
+from mfopt.limits import (
+    ChordalError,
+    Damping,
+    Density,
+    DesignValue,
+    FrictionAngle,
+    Grains,
+    Kilograms,
+    Millilitres,
+    Millimetres,
+    Milliseconds,
+    Modulus,
+    PoissonRatio,
+    SpheresPerGrain,
+    TimeLimit,
+    TimestepFactor,
+)
 from mfopt.settings import Settings, nearest
 
-Bounds = Annotated[tuple[float, float], Strict(False)]  # TOML gives a list
+Bounds = Annotated[tuple[DesignValue, DesignValue], Strict(False)]  # TOML gives a list
 
 # Every number that describes a design: z, l, w, r, s of sections 0 (hole) to 3 (tube) [mm],
 # and the motion's x1, y1, x2, y2, v [-]. z0 = 0 is the plate and no parameter.
@@ -38,23 +55,27 @@ DEFAULT_FREE: Mapping[str, Bounds] = {
     "x1": (0.05, 0.45), "y1": (0.1, 0.9), "x2": (0.55, 0.95), "y2": (0.1, 0.9), "v": (0.2, 4),
 }  # fmt: skip
 
+# Solid share of randomly packed grains at their densest: 0.64 for spheres, less for rods as long
+# as grains of rice (Williams and Philipse, doi 10.1103/PhysRevE.67.051301).
+DENSEST = 0.64
+
 
 class CupSettings(Settings):
     """The dosing cup's inside; its height follows from the volume."""
 
-    length_mm: float = Field(130, gt=0)
-    width_mm: float = Field(100, gt=0)
+    length_mm: Millimetres = 130
+    width_mm: Millimetres = 100
     radius_mm: float = Field(20, ge=0)
-    volume_ml: float = Field(1279, gt=0)
+    volume_ml: Millilitres = 1279
 
 
 class MaterialSettings(Settings):
     """Elastic-frictional material."""
 
-    young_modulus_pa: float = Field(gt=0)
-    poisson_ratio: float = Field(gt=0, lt=0.5)
-    density_kg_m3: float = Field(gt=0)
-    friction_angle_deg: float = Field(ge=0, lt=90)
+    young_modulus_pa: Modulus
+    poisson_ratio: PoissonRatio
+    density_kg_m3: Density
+    friction_angle_deg: FrictionAngle
 
     def material(self, young_modulus: float | None = None) -> Material:
         """The material in SI, with another Young's modulus [Pa] if one is given."""
@@ -78,21 +99,21 @@ class DosingSettings(Settings):
     """The dosing problem: machine, portion, materials, and which parameters are free."""
 
     cup: CupSettings = CupSettings()
-    stroke_mm: float = Field(400, gt=0)
-    cycle_ms: float = Field(600, gt=0)
-    duration_ms: float = Field(1200, gt=0, description="a run ends here at the latest")
-    tube_end_z_mm: float = -560
+    stroke_mm: Millimetres = 400
+    cycle_ms: Milliseconds = 600
+    duration_ms: Milliseconds = 1200  # a run ends here at the latest
+    tube_end_z_mm: DesignValue = -560
     # 1 kg of rice a cycle (paper, section 2.2). Mass and number of grains are kept, and the
     # grain's scale follows from them: 18 380 grains come out 1.24 times as large as a grain of
     # 7 mm x 2 mm. At the 1.5 times that the paper names they would be 1.1 l of solid rice, more
     # than a cup of 1279 ml can hold.
-    portion_kg: float = Field(1.0, gt=0)
-    grain_length_mm: float = Field(7, gt=0)
-    grain_width_mm: float = Field(2, gt=0)
+    portion_kg: Kilograms = 1.0
+    grain_length_mm: Millimetres = 7
+    grain_width_mm: Millimetres = 2
     grain: MaterialSettings = RICE
     wall: MaterialSettings = STEEL
     free: dict[str, Bounds] = Field(default_factory=lambda: dict(DEFAULT_FREE), min_length=1)
-    values: dict[str, float] = Field(default_factory=dict)
+    values: dict[str, DesignValue] = Field(default_factory=dict)
 
     @field_validator("free", "values")
     @classmethod
@@ -114,6 +135,14 @@ class DosingSettings(Settings):
                 f"duration_ms = {self.duration_ms:g} must be at least "
                 f"cycle_ms = {self.cycle_ms:g}; lengthen the run"
             )
+        if self.solid_fraction > DENSEST:
+            least = 1e6 * self.portion_kg / self.grain.density_kg_m3 / DENSEST
+            raise ValueError(
+                f"portion_kg = {self.portion_kg:g} would fill the cup of "
+                f"cup.volume_ml = {self.cup.volume_ml:g} to {self.solid_fraction:.0%} with solid "
+                f"grains, and no poured portion is denser than {DENSEST:.0%}; give the cup at "
+                f"least {math.ceil(least)} ml, or a lighter portion"
+            )
         z3 = self.all_values()["z3"]
         lowest = self.free["z3"][0] if "z3" in self.free else z3
         if self.tube_end_z_mm >= lowest:
@@ -122,6 +151,11 @@ class DosingSettings(Settings):
                 f"end z3 = {lowest:g}; lower it"
             )
         return self
+
+    @property
+    def solid_fraction(self) -> float:
+        """Volume of the portion's grains over that of the cup."""
+        return 1e6 * self.portion_kg / self.grain.density_kg_m3 / self.cup.volume_ml
 
     def all_values(self) -> dict[str, float]:
         """Value of every design parameter, with sections 1 and 2 on the straight line.
@@ -140,15 +174,15 @@ class DosingSettings(Settings):
 class DemSettings(Settings):
     """How finely one level resolves the grains, and its numerics."""
 
-    grains: int = Field(ge=1)
-    spheres_per_grain: int = Field(5, ge=1)
+    grains: Grains
+    spheres_per_grain: SpheresPerGrain = 5
     # Softer grains allow longer time steps and hardly change the discharge: 5e5 to 5e7 Pa
     # differ by less than the scatter between seeds.
-    young_modulus_pa: float = Field(1e6, gt=0)
-    damping: float = Field(0.125, ge=0, lt=1)  # paper, table 1
+    young_modulus_pa: Modulus = 1e6
+    damping: Damping = 0.125  # paper, table 1
     damp_gravity: bool = False  # True: damping slows free fall too, as in the paper
     # Of r_min sqrt(density / E). At 0.9 one run in ten exploded where the cup pinched grains, at
     # 0.6 none of those did.
-    timestep_factor: float = Field(0.6, gt=0)
-    chordal_error_mm: float | None = Field(None, gt=0)  # a quarter of the sphere radius if None
-    time_limit_s: float = Field(7200, gt=0)
+    timestep_factor: TimestepFactor = 0.6
+    chordal_error_mm: ChordalError | None = None  # a quarter of the sphere radius if None
+    time_limit_s: TimeLimit = 7200

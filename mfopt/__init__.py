@@ -3,6 +3,7 @@
 The names below are the whole public interface for use from Python.
 """
 
+import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -32,6 +33,7 @@ _HOME = {
     "Rung": "search",
     "Stage": "search",
 }
+LINUX_ONLY = "mfopt runs on Linux only; on Windows use it within WSL, on macOS in a container"
 __all__ = list(_HOME)
 
 
@@ -39,4 +41,6 @@ def __getattr__(name: str) -> Any:
     # Loaded at first use: a worker process needs neither CMA-ES nor the settings.
     if name not in _HOME:
         raise AttributeError(f"module 'mfopt' has no attribute {name!r}")
+    if sys.platform != "linux":
+        raise ImportError(LINUX_ONLY)
     return getattr(import_module(f"mfopt.{_HOME[name]}"), name)

@@ -1,6 +1,10 @@
 """Entry point of the `mfopt` program."""
 
 import os
+import sys
+from io import TextIOWrapper
+
+from mfopt import LINUX_ONLY
 
 
 def main() -> None:
@@ -8,6 +12,12 @@ def main() -> None:
 
     Runs are what is done in parallel, and no result may depend on the number of cores.
     """
+    if sys.platform != "linux":
+        print(f"error: {LINUX_ONLY}", file=sys.stderr)
+        sys.exit(2)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # where a terminal lacks a character
     for library in ("OMP", "OPENBLAS", "MKL"):
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
     from mfopt.commands.app import app

@@ -1,6 +1,7 @@
 """Settings as the user gives them: checked once, refused with the key, the limit, the remedy."""
 
 import difflib
+import reprlib
 from collections.abc import Iterable, Mapping
 from typing import Any, TypeVar
 
@@ -9,6 +10,15 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from mfopt.errors import ConfigError
 
 S = TypeVar("S", bound=BaseModel)
+
+_RELATIONS = {
+    "greater_than_equal": ("at least", "raise"),
+    "greater_than": ("above", "raise"),
+    "less_than_equal": ("at most", "lower"),
+    "less_than": ("below", "lower"),
+}
+_short = reprlib.Repr()  # a value may be as long as a file, and nested as deeply
+_short.maxstring = _short.maxother = 80
 
 
 class Settings(BaseModel):
@@ -44,6 +54,7 @@ def nearest(key: str, known: Iterable[str]) -> str:
 def _explained(model: type[BaseModel], error: Mapping[str, Any]) -> str:
     place = error["loc"]
     key = ".".join(str(part + 1) if isinstance(part, int) else part for part in place)
+    given = _short.repr(error["input"])
     match error["type"]:
         case "extra_forbidden":
             return f"unknown key {key!r}{nearest(str(place[-1]), _fields_at(model, place[:-1]))}"
@@ -51,10 +62,14 @@ def _explained(model: type[BaseModel], error: Mapping[str, Any]) -> str:
             return f"key {key!r} is missing; add it"
         case "finite_number":
             return f"{key} = {error['input']} must be a finite number"
+        case "greater_than_equal" | "greater_than" | "less_than_equal" | "less_than" as kind:
+            relation, remedy = _RELATIONS[kind]
+            (limit,) = error["ctx"].values()
+            return f"{key} = {given} must be {relation} {limit:g}; {remedy} it"
         case "value_error":
             return f"{key + ': ' if key else ''}{error['ctx']['error']}"
         case _:
-            return f"{key} = {error['input']!r}: {error['msg'].lower()}"
+            return f"{key} = {given}: {error['msg'].lower()}"
 
 
 def _fields_at(model: Any, place: tuple[str | int, ...]) -> list[str]:

@@ -1,5 +1,6 @@
 """Study files (TOML): read, checked once, and refused with the key, the limit and the remedy."""
 
+import stat
 import tomllib
 from pathlib import Path
 from typing import Any, Literal
@@ -7,28 +8,45 @@ from typing import Any, Literal
 from pydantic import Field, model_validator
 
 from mfopt.errors import ConfigError
+from mfopt.limits import (
+    MOST_LEVELS,
+    MOST_STAGES,
+    MOST_VARIABLES,
+    Bound,
+    Budget,
+    ConfirmSeeds,
+    FileName,
+    Generations,
+    Name,
+    PopulationSize,
+    SearchSeeds,
+    Seed,
+    Sigma,
+    Workers,
+)
 from mfopt.objective import objective_named
 from mfopt.search import Reevaluate, Stage
 from mfopt.settings import Settings, checked, nearest
 
 POPULATION_SIZE = 16  # of a stage that names none
+MOST_BYTES = 1_000_000  # of a study file
 
 
 class StudyHead(Settings):
     """What the study is called and which seed all its random draws follow from."""
 
-    name: str = Field(min_length=1)
-    seed: int = Field(default=1, ge=0)
+    name: FileName
+    seed: Seed = 1
 
 
 class StageSettings(Settings):
     """One stage of the plan; what is left out is taken from `[search]`."""
 
     level: str
-    generations: int = Field(ge=1)
-    population_size: int | None = Field(default=None, ge=3)
-    sigma: float | None = Field(default=None, gt=0.0, le=1.0)
-    seeds: int | None = Field(default=None, ge=1)
+    generations: Generations
+    population_size: PopulationSize | None = None
+    sigma: Sigma | None = None
+    seeds: SearchSeeds | None = None
     objective: str | None = None
 
 
@@ -36,13 +54,13 @@ class SearchSettings(Settings):
     """The search: surrogate-assisted over all levels, or CMA-ES on a planned list of them."""
 
     method: Literal["assisted", "cma-es"] = "assisted"
-    budget: float | None = Field(default=None, ge=1.0)  # of the assisted search [full runs]
-    population_size: int | None = Field(default=None, ge=3)
-    sigma: float = Field(default=0.2, gt=0.0, le=1.0)
-    seeds: int = Field(default=1, ge=1)
+    budget: Budget | None = None  # of the assisted search [full runs]
+    population_size: PopulationSize | None = None
+    sigma: Sigma = 0.2
+    seeds: SearchSeeds = 1
     reevaluate: Reevaluate = "none"
     exchange: tuple[str, str] | None = Field(default=None, strict=False)
-    stage: list[StageSettings] = Field(default_factory=list)
+    stage: list[StageSettings] = Field(default_factory=list, max_length=MOST_STAGES)
 
     @model_validator(mode="after")
     def _complete(self) -> "SearchSettings":
@@ -88,7 +106,7 @@ class ConfirmSettings(Settings):
     more with the first of these seeds.
     """
 
-    seeds: int = Field(default=5, ge=0)
+    seeds: ConfirmSeeds = 5
     reference: str | list[str] | None = None
 
     @property
@@ -107,18 +125,18 @@ class ConfirmSettings(Settings):
 class RunSettings(Settings):
     """Where the runs are made."""
 
-    workers: int | None = Field(default=None, ge=1)  # None: one per core
+    workers: Workers | None = None  # None: one per core
     scheduler: str | None = None  # address of a Dask scheduler, e.g. tcp://10.0.0.1:8786
 
 
 class VariableSettings(Settings):
     """A variable of a problem of the user's own; the search starts at `start`."""
 
-    name: str = Field(min_length=1)
-    lower: float
-    upper: float
-    start: float | None = None  # None: the middle
-    unit: str = "-"
+    name: Name
+    lower: Bound
+    upper: Bound
+    start: Bound | None = None  # None: the middle
+    unit: Name = "-"
 
 
 class ProblemSettings(Settings):
@@ -126,9 +144,9 @@ class ProblemSettings(Settings):
 
     scene: Literal["dosing"] | None = None
     objective: str
-    objective_unit: str = "-"
+    objective_unit: Name = "-"
     dosing: dict[str, Any] = Field(default_factory=dict)
-    variable: list[VariableSettings] = Field(default_factory=list)
+    variable: list[VariableSettings] = Field(default_factory=list, max_length=MOST_VARIABLES)
 
 
 class Study(Settings):
@@ -136,7 +154,7 @@ class Study(Settings):
 
     study: StudyHead
     problem: ProblemSettings
-    level: list[dict[str, Any]]
+    level: list[dict[str, Any]] = Field(max_length=MOST_LEVELS)
     search: SearchSettings
     confirm: ConfirmSettings = ConfirmSettings()
     run: RunSettings = RunSettings()
@@ -148,29 +166,60 @@ def read_study(path: Path) -> tuple[Study, str]:
     Raises:
         ConfigError: if it cannot be read, is not TOML, or has a wrong, unknown or missing key.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError as error:
-        raise ConfigError(f"study file {path} does not exist; `mfopt init` writes one") from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"cannot read study file {path}: {error}") from error
+    text = _text(path)
+    return study_of(text, where=str(path)), text
+
+
+def study_of(text: str, *, where: str) -> Study:
+    """The study that a text describes.
+
+    Args:
+        text: TOML.
+        where: its file, for messages.
+
+    Raises:
+        ConfigError: if it is not TOML, or has a wrong, unknown or missing key.
+    """
     try:
         data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{path} is not valid TOML: {error}") from error
-    study = checked(Study, data, where=str(path))
-    _check_levels(study, path)
-    return study, text
+    except RecursionError as error:
+        raise ConfigError(f"{where}: its tables are nested too deeply; flatten them") from error
+    except ValueError as error:  # TOMLDecodeError, and what Python says of numbers too long
+        raise ConfigError(f"{where} is not valid TOML: {error}") from error
+    study = checked(Study, data, where=where)
+    _check_levels(study, where)
+    return study
 
 
-def _check_levels(study: Study, path: Path) -> None:
+def _text(path: Path) -> str:
+    """The text of a study file; what is no file, or far too large for one, is not opened."""
+    try:
+        about = path.stat()
+        if not stat.S_ISREG(about.st_mode):
+            kind = "a directory" if stat.S_ISDIR(about.st_mode) else "not a file"
+            raise ConfigError(f"cannot read study file {path}: it is {kind}; give a TOML file")
+        if about.st_size > MOST_BYTES:
+            raise ConfigError(
+                f"study file {path} has {about.st_size / 1e6:.0f} MB, above the limit of "
+                f"{MOST_BYTES / 1e6:.0f} MB; is it the right file?"
+            )
+        return path.read_text(encoding="utf-8-sig")  # with or without a byte-order mark
+    except FileNotFoundError as error:
+        raise ConfigError(f"study file {path} does not exist; `mfopt init` writes one") from error
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"cannot read study file {path}: it is not UTF-8 ({error})") from error
+    except OSError as error:
+        raise ConfigError(f"cannot read study file {path}: {error.strerror}") from error
+
+
+def _check_levels(study: Study, where: str) -> None:
     names = [str(level.get("name")) for level in study.level]
     if not names:
-        raise ConfigError(f"{path}: the ladder is empty; give at least one [[level]]")
+        raise ConfigError(f"{where}: the ladder is empty; give at least one [[level]]")
     for stage in study.search.stage:
         if stage.level not in names:
             raise ConfigError(
-                f"{path}: search.stage names level {stage.level!r}, which the ladder lacks"
+                f"{where}: search.stage names level {stage.level!r}, which the ladder lacks"
                 f"{nearest(stage.level, names)}"
             )
         if stage.objective is not None:

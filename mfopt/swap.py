@@ -9,6 +9,7 @@ from mfopt.archive import Archive
 from mfopt.arrays import Array
 from mfopt.errors import ConfigError
 from mfopt.problem import Problem
+from mfopt.settings import nearest
 
 Pair = tuple[str, str]
 
@@ -17,17 +18,18 @@ SHARE = 0.9  # share of candidates in it; the paper saw 98.7 %
 
 
 def check_pair(problem: Problem, pair: Pair | None) -> None:
-    """Make sure that both variables are free.
+    """Make sure that they are two free variables.
 
     Raises:
-        ConfigError: if one is not.
+        ConfigError: if they are not.
     """
     for name in pair or ():
         if name not in problem.names:
             raise ConfigError(
-                f"exchange names {name!r}, which is not free; "
-                f"the variables are {', '.join(problem.names)}"
+                f"exchange names {name!r}, which is not free{nearest(name, problem.names)}"
             )
+    if pair is not None and pair[0] == pair[1]:
+        raise ConfigError(f"exchange names {pair[0]!r} twice; name two variables")
 
 
 def wrong_way(problem: Problem, pair: Pair, x: Array) -> bool:

@@ -1,5 +1,8 @@
 """The program `mfopt`: its commands by name."""
 
+from importlib import metadata
+from typing import Annotated
+
 import typer
 
 from mfopt.commands.evaluate import evaluate
@@ -15,7 +18,23 @@ app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
-    help="Find the best design of a granular machine with few simulation runs.",
 )
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        typer.echo(f"mfopt {metadata.version('mfopt')}")
+        raise typer.Exit
+
+
+@app.callback()
+def main(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="print the version")
+    ] = False,
+) -> None:
+    """Find the best design of a granular machine with few simulation runs."""
+
+
 for function in (init, run, status, report, evaluate, geometry, ladder):
     app.command()(exit_codes(function))

@@ -15,7 +15,7 @@ from fidelity.dosing_run import dosing_grain
 from fidelity.settings import DosingSettings
 from geometry.manufacturability import manufacturability
 from mfopt.arrays import Array
-from mfopt.commands.shared import Quiet, RunPath
+from mfopt.commands.shared import Quiet, RunPath, console
 from mfopt.files import full_disk_named
 from mfopt.level import Level
 from mfopt.store import open_run
@@ -30,10 +30,10 @@ def report(path: RunPath, quiet: Quiet = False) -> None:
         study, _ = read_study(study_file)
         parts = assemble(study, where=str(study_file))
     with full_disk_named(path):
-        write_reports(path, parts, Console(quiet=quiet))
+        write_reports(path, parts, console(quiet=quiet))
 
 
-def write_reports(path: Path, parts: Assembled | None, console: Console) -> None:
+def write_reports(path: Path, parts: Assembled | None, on: Console) -> None:
     from reports.write import write_report
 
     describe: Describe = no_view
@@ -43,7 +43,7 @@ def write_reports(path: Path, parts: Assembled | None, console: Console) -> None
     pages = {"html": path / "report.html", "pdf": path / "report.pdf"}
     write_report(open_run(path), describe=describe, **pages)
     for page in pages.values():
-        console.print(f"wrote {page}", highlight=False)
+        on.print(f"wrote {page}")
 
 
 def _view(dosing: DosingSettings, top: Level, bound_any_s: float | None, x: Array) -> DesignView:

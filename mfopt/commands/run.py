@@ -10,7 +10,7 @@ from rich.console import Console
 from fidelity.assemble import Assembled, assemble
 from mfopt.begin import begin, begin_reference, check_disk
 from mfopt.commands.report import write_reports
-from mfopt.commands.shared import AsJson, Quiet, StudyFile
+from mfopt.commands.shared import AsJson, Quiet, StudyFile, console
 from mfopt.commands.status import print_result
 from mfopt.executor import Runner, dask_cluster, local_processes
 from mfopt.files import full_disk_named
@@ -44,13 +44,13 @@ def run(
     address = study.run.scheduler
     runner = Runner(dask_cluster(address) if address else local_processes(workers))
     path = directory or Path("runs") / study.study.name
-    console = Console(quiet=quiet or as_json)
+    on = console(quiet=quiet or as_json)
     check_disk(path)
     with full_disk_named(path), writing(path):
         into = begin(path, text, _header(study, parts, workers), resume=resume)
-        _prepare(study, parts, console)
-        with _display(study, parts, search, console) as display:
-            _begin_reference(into, parts, console)
+        _prepare(study, parts, on)
+        with _display(study, parts, search, on) as display:
+            _begin_reference(into, parts, on)
             run_study(
                 parts.problem,
                 parts.ladder,
@@ -63,10 +63,10 @@ def run(
                 reference=parts.reference_level,
                 watch=display.watch,
             )
-        write_reports(path, parts, console)
-    print_result(path, console, as_json=as_json)
+        write_reports(path, parts, on)
+    print_result(path, on, as_json=as_json)
     own, simulators = display.cpu()
-    console.print(f"mfopt itself took {own:.1f} s of CPU, {own / (own + simulators):.1%} of all")
+    on.print(f"mfopt itself took {own:.1f} s of CPU, {own / (own + simulators):.1%} of all")
 
 
 def _search(study: Study, parts: Assembled) -> Search:
@@ -95,22 +95,22 @@ def _search(study: Study, parts: Assembled) -> Search:
     )
 
 
-def _prepare(study: Study, parts: Assembled, console: Console) -> None:
+def _prepare(study: Study, parts: Assembled, on: Console) -> None:
     """Compile what all workers here would else compile."""
     if parts.uses_numba and study.run.scheduler is None:
         from fidelity.numba_engine import prepare
 
-        prepare(lambda: console.print("compiling the grain engine, once: about 30 s"))
+        prepare(lambda: on.print("compiling the grain engine, once: about 30 s"))
 
 
-def _begin_reference(run: RunDirectory, parts: Assembled, console: Console) -> None:
+def _begin_reference(run: RunDirectory, parts: Assembled, on: Console) -> None:
     begin_reference(run, parts.reference)
     if run.reference is not None and run.reference.why_not is not None:
         why = f"the reference run is left out: {run.reference.why_not}"
-        console.print(why, highlight=False, soft_wrap=True)
+        on.print(why)
 
 
-def _display(study: Study, parts: Assembled, search: Search, console: Console) -> "ProgressDisplay":
+def _display(study: Study, parts: Assembled, search: Search, on: Console) -> "ProgressDisplay":
     """The progress, with the work of the confirmation planned."""
     from mfopt.progress import ProgressDisplay
 
@@ -118,7 +118,7 @@ def _display(study: Study, parts: Assembled, search: Search, console: Console) -
     work = {level.name: level.work(parts.problem.baseline) for level in parts.all_levels}
     once_more = 0.0 if parts.reference_level is None else work[parts.reference_level.name]
     return ProgressDisplay(
-        console,
+        on,
         work=work,
         full_run=work[at_top],
         unit=parts.problem.objective_unit,

@@ -1,7 +1,9 @@
 """What the commands share: the screen, options, exit codes and the choice of a design."""
 
+import errno
 import math
 import traceback
+import unicodedata
 from collections.abc import Callable
 from functools import wraps
 from importlib import metadata
@@ -14,9 +16,16 @@ from rich.console import Console
 from mfopt.arrays import Array, frozen
 from mfopt.errors import ConfigError, MfoptError
 from mfopt.problem import Problem
+from mfopt.settings import nearest
 from mfopt.store import open_run
 
-screen = Console(soft_wrap=True)
+
+def console(*, quiet: bool = False) -> Console:
+    """The screen, on which text is text: a name like `[/]` is no markup."""
+    return Console(quiet=quiet, soft_wrap=True, markup=False, emoji=False, highlight=False)
+
+
+screen = console()
 
 StudyFile = Annotated[Path, typer.Argument(help="study file (TOML)")]
 RunPath = Annotated[Path, typer.Argument(help="run directory")]
@@ -46,6 +55,10 @@ def exit_codes(command: Callable[..., None]) -> Callable[..., None]:
             _stop(str(error), 2)
         except MfoptError as error:
             _stop(str(error), 1)
+        except OSError as error:
+            if error.errno == errno.EPIPE:  # the reader of the output has gone
+                raise
+            _stop(_about_file(error), 2)
         except KeyboardInterrupt:
             _stop("interrupted; the run continues with --resume", 1)
         except Exception as error:
@@ -60,8 +73,23 @@ def exit_codes(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def _stop(message: str, code: int) -> None:
-    typer.echo(f"error: {message}", err=True)
+    typer.echo(f"error: {printable(message)}", err=True)
     raise typer.Exit(code)
+
+
+def _about_file(error: OSError) -> str:
+    """What the system says of a file or directory, in one line."""
+    where = f"{error.filename}: " if error.filename is not None else ""
+    return f"{where}{error.strerror or error}; check the path, its permissions and its disk"
+
+
+def printable(text: str) -> str:
+    """The text with its control characters written out: a terminal would obey them."""
+    kept = "\n\t"
+    return "".join(
+        c if c in kept or unicodedata.category(c) != "Cc" else c.encode("unicode_escape").decode()
+        for c in text
+    )
 
 
 def chosen_design(problem: Problem, settings: list[str], best_of: Path | None) -> Array:
@@ -69,15 +97,24 @@ def chosen_design(problem: Problem, settings: list[str], best_of: Path | None) -
     x = problem.named(problem.baseline if best_of is None else _best_design(best_of, problem))
     values = dict(x)
     for setting in settings:
-        name, _, number = setting.partition("=")
+        name, _, number = setting.rpartition("=")  # a name may hold one
         if name not in values:
-            raise ConfigError(f"--set {setting}: the variables are {', '.join(problem.names)}")
+            raise ConfigError(
+                f"--set {setting}: write name=number, where name is a variable"
+                f"{nearest(name, problem.names)}"
+            )
         try:
             values[name] = float(number)
         except ValueError as error:
             raise ConfigError(f"--set {setting}: write name=number") from error
         if not math.isfinite(values[name]):
             raise ConfigError(f"--set {setting}: the value must be a finite number")
+    for variable in problem.variables:
+        if not variable.lower <= values[variable.name] <= variable.upper:
+            raise ConfigError(
+                f"{variable.name} = {values[variable.name]:g} must be from {variable.lower:g} to "
+                f"{variable.upper:g} {variable.unit}; stay within the study's bounds or widen them"
+            )
     return frozen(list(values.values()))
 
 

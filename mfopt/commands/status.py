@@ -15,7 +15,7 @@ def status(path: RunPath, as_json: AsJson = False) -> None:
     print_result(path, screen, as_json=as_json)
 
 
-def print_result(path: Path, console: Console, *, as_json: bool) -> None:
+def print_result(path: Path, on: Console, *, as_json: bool) -> None:
     """The result in a few lines, or as JSON."""
     from reports.answer import answer, as_table
 
@@ -23,4 +23,4 @@ def print_result(path: Path, console: Console, *, as_json: bool) -> None:
     if as_json:
         typer.echo(json.dumps(its, indent=2))
     else:
-        console.print(as_table(its))
+        on.print(as_table(its))

@@ -1,0 +1,48 @@
+"""What a study may ask for at least and at most.
+
+Nothing useful lies beyond these limits: there memory or time run out, or numbers overflow.
+"""
+
+from typing import Annotated
+
+from pydantic import AfterValidator, Field
+
+from mfopt.names import file_name, shown, word
+
+Name = Annotated[str, AfterValidator(shown)]
+FileName = Annotated[str, AfterValidator(file_name)]
+Word = Annotated[str, AfterValidator(word)]  # of a command
+
+# Random draws start from it. Every program reads whole numbers up to 2**53 exactly from JSON.
+Seed = Annotated[int, Field(ge=0, le=2**53)]
+SearchSeeds = Annotated[int, Field(ge=1, le=10_000)]
+ConfirmSeeds = Annotated[int, Field(ge=0, le=10_000)]
+
+Budget = Annotated[float, Field(ge=1.0, le=1e6)]  # [full runs]
+Generations = Annotated[int, Field(ge=1, le=100_000)]
+PopulationSize = Annotated[int, Field(ge=3, le=10_000)]
+Sigma = Annotated[float, Field(gt=1e-6, le=1.0)]  # [width of the bounds]
+Workers = Annotated[int, Field(ge=1, le=4096)]
+
+MOST_VARIABLES = 500
+MOST_LEVELS = 50
+MOST_STAGES = 1000
+
+Bound = Annotated[float, Field(ge=-1e100, le=1e100)]  # of a variable, in its unit
+Work = Annotated[float, Field(ge=1e-12, le=1e18)]  # of a run, in any unit
+TimeLimit = Annotated[float, Field(ge=0.1, le=1e8)]  # [s] up to three years
+
+Grains = Annotated[int, Field(ge=1, le=1_000_000)]
+SpheresPerGrain = Annotated[int, Field(ge=1, le=100)]
+Millimetres = Annotated[float, Field(ge=0.1, le=10_000.0)]
+Milliseconds = Annotated[float, Field(ge=10.0, le=60_000.0)]
+Millilitres = Annotated[float, Field(ge=0.1, le=1e6)]
+Kilograms = Annotated[float, Field(ge=1e-6, le=1000.0)]
+Modulus = Annotated[float, Field(ge=1e3, le=1e13)]  # [Pa] foam to beyond diamond
+PoissonRatio = Annotated[float, Field(ge=0.01, lt=0.5)]
+Density = Annotated[float, Field(ge=1.0, le=30_000.0)]  # [kg/m3] aerogel to beyond osmium
+FrictionAngle = Annotated[float, Field(ge=0.0, le=89.0)]  # [deg]
+TimestepFactor = Annotated[float, Field(ge=1e-3, le=2.0)]
+ChordalError = Annotated[float, Field(ge=0.01, le=100.0)]  # [mm]
+DesignValue = Annotated[float, Field(ge=-10_000.0, le=10_000.0)]  # [mm], or [-] of the motion
+Damping = Annotated[float, Field(ge=0.0, le=0.95)]
