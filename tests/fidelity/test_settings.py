@@ -45,7 +45,7 @@ def test_settings_survive_a_round_trip() -> None:
         ({"stroke": 400}, "Extra inputs"),
         ({"stroke_mm": "wide"}, "valid number"),
         ({"stroke_mm": math.nan}, "finite"),
-        ({"stroke_mm": -1}, "greater than 0"),
+        ({"stroke_mm": -1}, "greater than or equal to 0.1"),
         ({"duration_ms": 500}, "lengthen the run"),
         ({"tube_end_z_mm": -200}, "lower it"),
         ({"grain_width_mm": 8}, "exchange them"),

@@ -33,7 +33,7 @@ def refused(done: Result) -> str:
         ("seed = 3", 'seed = "3"', r"study\.seed = '3'"),
         ("seed = 3", "seed = nan", r"study\.seed = nan"),
         ("grains = 40", "grains = 40.5", r"grains = 40\.5"),
-        ("grains = 40", "grains = -1", r"grains = -1.*greater than or equal to 1"),
+        ("grains = 40", "grains = -1", r"grains = -1 must be at least 1; raise it"),
         ("grains = 40", "graims = 40", r"unknown key 'graims'; did you mean 'grains'\?"),
         ("grains = 40", "", r"key 'grains' is missing"),
         ("[confirm]\nseeds", "[confirm]\nsedes", r"unknown key 'confirm\.sedes'.*'seeds'"),
@@ -51,7 +51,7 @@ def refused(done: Result) -> str:
         ('"cma-es"', '"assisted"\nbudget = 9', r"stages are of method = \"cma-es\".*budget"),
         ('"cma-es"', '"cmaes"', r"search\.method = 'cmaes': .*'assisted' or 'cma-es'"),
         (PLAN, "[search]\n", r"search: budget is missing; give it in runs of the target level"),
-        (PLAN, "[search]\nbudget = 0.5\n", r"search\.budget = 0\.5: .*greater than or equal to 1"),
+        (PLAN, "[search]\nbudget = 0.5\n", r"search\.budget = 0\.5 must be at least 1; raise"),
         (PLAN, '[search]\nmethod = "cma-es"\n', r"no \[\[search\.stage\]\]; plan at least one"),
         (
             "[[level]]\nname = \"reduced\"",
@@ -73,6 +73,26 @@ def refused(done: Result) -> str:
             '[problem.dosing.cup]\nlenght_mm = 3\n[[level]]\nname = "reduced"',
             r"unknown key 'cup\.lenght_mm'; did you mean 'length_mm'",
         ),
+        (
+            "[[level]]\nname = \"reduced\"",
+            '[problem.dosing.cup]\nvolume_ml = 500\n[[level]]\nname = "reduced"',
+            r"volume_ml = 500 to 126% .* at least 982 ml",
+        ),
+        (PLAN, '[search]\nbudget = 5\nexchange = ["y1", "yy"]\n', r"'yy', which is not free"),
+        (PLAN, '[search]\nbudget = 5\nexchange = ["y1", "y1"]\n', r"'y1' twice"),
+        ('name = "small"', 'name = "../../evil"', r"study\.name: '\.\./\.\./evil' holds '/'"),
+        ('name = "small"', 'name = ".hidden"', r"begins with a dot"),
+        ('name = "small"', 'name = " "', r"shows nothing"),
+        ('name = "small"', f'name = "{101 * "a"}"', r"101 characters, above the limit of 100"),
+        ('name = "small"', r'name = "a\u0000b"', r"control character"),
+        ("grains = 40", "grains = 1000000000000", r"grains = 1000000000000 must be at most 1e\+06"),
+        ("grains = 40", f"grains = {400 * '9'}", r"grains = 9+\.\.\.9+ must be at most"),
+        ("grains = 40", f"grains = {5000 * '9'}", r"not valid TOML: .*digits"),
+        ("grains = 40", "grains = 40\nyoung_modulus_pa = 5e-324", r"young_modulus_pa = 5e-324 "),
+        ("grains = 40", "grains = 40\ntime_limit_s = 1e-320", r"time_limit_s = 1e-320 must be"),
+        ("[confirm]\nseeds = 1", "[confirm]\nseeds = 1000000000000", r"seeds = 10+ must be at"),
+        ("[confirm]", "[run]\nworkers = 1000000000000\n[confirm]", r"workers = 10+ must be at"),
+        ("population_size = 4", "population_size = 10000000000", r"population_size = 10+ must"),
     ],
 )  # fmt: skip
 def test_wrong_study_is_refused_before_anything_is_written(
@@ -95,9 +115,29 @@ def test_empty_ladder(tmp_path: Path) -> None:
 
 def test_missing_and_unreadable_study(tmp_path: Path) -> None:
     assert "does not exist" in refused(mfopt("run", tmp_path / "none.toml"))
-    assert "cannot read" in refused(mfopt("run", tmp_path))
+    assert "is a directory" in refused(mfopt("run", tmp_path))
+    assert "is not a file" in refused(mfopt("run", "/dev/zero"))
+    os.mkfifo(tmp_path / "pipe")
+    assert "is not a file" in refused(mfopt("run", tmp_path / "pipe"))
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    assert "cannot read" in refused(mfopt("run", tmp_path / "loop"))
     (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
-    assert "cannot read" in refused(mfopt("run", tmp_path / "binary.toml"))
+    assert "not UTF-8" in refused(mfopt("run", tmp_path / "binary.toml"))
+    (tmp_path / "long.toml").write_text("#" * 2_000_000)
+    assert "has 2 MB, above the limit" in refused(mfopt("run", tmp_path / "long.toml"))
+
+
+@pytest.mark.parametrize("depth", [100, 1000, 5000])
+def test_deeply_nested_study_is_refused(depth: int, tmp_path: Path) -> None:
+    study = tmp_path / "study.toml"
+    study.write_text(GOOD.replace("seed = 3", f"seed = {depth * '['}{depth * ']'}"))
+    assert re.search(r"nested too deeply|study\.seed = \[\[", refused(mfopt("ladder", study)))
+
+
+def test_study_with_a_byte_order_mark_is_read(tmp_path: Path) -> None:
+    study = tmp_path / "study.toml"
+    study.write_text(GOOD, encoding="utf-8-sig")
+    assert mfopt("ladder", study).exit_code == 0
 
 
 def test_missing_yade_is_named_with_the_remedy(tmp_path: Path) -> None:
@@ -158,3 +198,31 @@ def test_no_disk_space_is_refused_at_the_start(tmp_path: Path) -> None:
 
 def test_status_of_what_is_no_run(tmp_path: Path) -> None:
     assert "not a run directory" in refused(mfopt("status", tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ("l1=9999", r"l1 = 9999 must be from 80 to 180 mm"),
+        ("ll=3", r"--set ll=3: write name=number.*did you mean"),
+        ("l1=wide", r"--set l1=wide: write name=number"),
+        ("l1=nan", r"finite"),
+    ],
+)
+def test_wrong_design_is_refused(given: str, message: str, tmp_path: Path) -> None:
+    study = tmp_path / "study.toml"
+    study.write_text(GOOD)
+    said = refused(mfopt("evaluate", study, "--level", "reduced", "--set", given))
+    assert re.search(message, said), said
+
+
+@pytest.mark.parametrize("blocked", ["file", "name"])
+def test_directory_that_cannot_be_written_is_one_line(blocked: str, tmp_path: Path) -> None:
+    study = tmp_path / "study.toml"
+    study.write_text(GOOD)
+    (tmp_path / "file").write_text("not a directory")
+    where = tmp_path / ("file" if blocked == "file" else 300 * "n")
+    for command in ("geometry", "run"):
+        said = refused(mfopt(command, study, "--directory", where / "deep"))
+        assert str(where) in said
+        assert said.count("\n") == 1
