@@ -3,8 +3,9 @@
 The command gets on its standard input one object, {"x": {name: value}, "seed": number,
 "level": name}, x in the units of the problem. It writes to its standard output one object, as
 all of it or as its last line: either {"f": number}, the objective itself, or any names with
-numbers or arrays of numbers, from which an objective is computed. `work`, if among them, is
-the work done [sphere-steps or what the user counts in].
+numbers or arrays of numbers, from which an objective is computed (`mfopt.outcome.why_not_a_name`
+says which names). `work`, if among them, is the work done [sphere-steps or what the user counts
+in]. Only a JSON number is a number: neither `true` nor `"0.5"` nor `null`.
 """
 
 import json
@@ -18,10 +19,12 @@ from typing import Any
 
 import numpy as np
 
-from fidelity.process import STDOUT, Ended, run_logged
+from fidelity.process import OUTPUT_LIMIT, Ended, run_logged
 from mfopt.arrays import AnyArray, Array, frozen
 from mfopt.errors import ConfigError, SimulationError
-from mfopt.outcome import Outcome, Status
+from mfopt.outcome import Outcome, Status, why_no_work, why_not_a_name
+
+MOST_DIMENSIONS = 32  # of an array, as in HDF5
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,10 +40,10 @@ class CommandLevel:
     def __post_init__(self) -> None:
         if not self.command:
             raise ConfigError(f"level {self.name!r}: command is empty; give the program to run")
-        if not self.work_per_run > 0.0:
+        if (why := why_no_work(self.work_per_run)) is not None:
             raise ConfigError(
-                f"level {self.name!r}: work_per_run = {self.work_per_run:g} must be positive; "
-                "give the cost of a run in any unit that all levels share"
+                f"level {self.name!r}: {why}; give the cost of a run in any unit that all levels "
+                "share"
             )
         if not self.time_limit_s > 0.0:
             raise ConfigError(
@@ -81,10 +84,9 @@ class CommandLevel:
                 )
             except SimulationError as error:
                 return self._failed(x, seed, "crashed", str(error), 0.0)
-            output = (Path(name) / STDOUT).read_text(encoding="utf-8", errors="replace")
-        return self._outcome(x, seed, ended, output)
+        return self._outcome(x, seed, ended)
 
-    def _outcome(self, x: Array, seed: int, ended: Ended, output: str) -> Outcome:
+    def _outcome(self, x: Array, seed: int, ended: Ended) -> Outcome:
         if ended.timed_out:
             why = f"not ready within the time limit of {self.time_limit_s:g} s"
             return self._failed(x, seed, "timed_out", why, ended.cpu_s)
@@ -95,9 +97,10 @@ class CommandLevel:
             )
             return self._failed(x, seed, "crashed", why, ended.cpu_s)
         try:
-            raw = numbers(answer_object(output))
+            raw = numbers(answer_object(ended.output))
         except ValueError as error:
-            why = f"{self.command[0]}: {error}"
+            cut = f" (of which only the last {OUTPUT_LIMIT >> 20} MB are kept)" * ended.cut
+            why = f"{self.command[0]}: {error}{cut}"
             return self._failed(x, seed, "crashed", why, ended.cpu_s)
         work = float(raw.pop("work", np.array(self.work_per_run)))
         return Outcome(x, self.name, seed, "finished", None, raw, work, ended.cpu_s)
@@ -118,7 +121,7 @@ def answer_object(output: str) -> Mapping[str, Any]:
     for text in (output, lines[-1]):
         try:
             answer = json.loads(text)
-        except ValueError:
+        except (ValueError, RecursionError):
             continue
         if isinstance(answer, dict):
             return answer
@@ -129,25 +132,36 @@ def numbers(answer: Mapping[str, Any]) -> dict[str, AnyArray]:
     """The values of an answer as read-only arrays.
 
     Raises:
-        ValueError: if there is none, one is not a number or array of numbers, not finite, or
-            `work` is not one positive number.
+        ValueError: if there is none, a name cannot be kept, a value is not a number or array of
+            numbers, or not finite, or `work` is not one number that can be work.
     """
     if not answer.keys() - {"work"}:
         raise ValueError('its answer holds no result; write {"f": number} or named numbers')
     raw: dict[str, AnyArray] = {}
     for name, given in answer.items():
+        if (why := why_not_a_name(name)) is not None:
+            raise ValueError(why)
+        if not _is_numeric(given):
+            raise ValueError(f"{name} is neither a number nor an array of numbers")
         try:
             raw[name] = frozen(given)
-        except (TypeError, ValueError) as error:
+        except (OverflowError, ValueError) as error:
             raise ValueError(f"{name} is neither a number nor an array of numbers") from error
         if not np.all(np.isfinite(raw[name])):
             raise ValueError(f"{name} holds values that are not finite")
     for name in {"f", "work"} & raw.keys():
         if raw[name].shape != ():
             raise ValueError(f"{name} must be one number, not an array {raw[name].shape}")
-    if "work" in raw and raw["work"] <= 0.0:
-        raise ValueError(f"work = {float(raw['work']):g} must be positive")
+    if "work" in raw and (why := why_no_work(float(raw["work"]))) is not None:
+        raise ValueError(why)
     return raw
+
+
+def _is_numeric(given: Any, depth: int = 0) -> bool:
+    """Whether JSON gave a number, or a list of such things no deeper than `MOST_DIMENSIONS`."""
+    if isinstance(given, list):
+        return depth < MOST_DIMENSIONS and all(_is_numeric(g, depth + 1) for g in given)
+    return type(given) in (int, float)  # not bool, which is an int
 
 
 def _absolute(command: tuple[str, ...]) -> list[str]:

@@ -189,6 +189,8 @@ def write_movement(movement: Movement, directory: Path) -> None:
 
 def read_movement(directory: Path, *, cpu_s: float) -> Movement | None:
     """Read the result that the script left in `directory`; None if it left none that is whole."""
+    if not all((directory / name).is_file() for name in ("result.json", "result.npz")):
+        return None  # neither waits for a named pipe that a script put in their place
     try:
         scalars = json.loads((directory / "result.json").read_text(encoding="utf-8"))
         # Opened here: given a path, np.load leaves a torn file open.

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from fidelity.command import CommandLevel, answer_object, numbers
+from fidelity.process import OUTPUT_LIMIT
 from mfopt.errors import ConfigError
 from mfopt.outcome import Outcome
 
@@ -71,7 +72,23 @@ def test_an_answer_may_span_lines() -> None:
         ("""echo '{"f": NaN}'""", ["f", "finite"]),
         ("""echo '{"f": [1, 2]}'""", ["f", "one number"]),
         ("""echo '{"f": "low"}'""", ["f", "neither a number"]),
-        ("""echo '{"f": null}'""", ["f", "finite"]),
+        ("""echo '{"f": null}'""", ["f", "neither a number"]),
+        ("""echo '{"f": "0.5"}'""", ["f", "neither a number"]),
+        ("""echo '{"f": "1e-3_0"}'""", ["f", "neither a number"]),
+        ("""echo '{"f": true}'""", ["f", "neither a number"]),
+        ("""echo '{"f": 1, "t": [[1, false], [2, 3]]}'""", ["t", "neither a number"]),
+        ("""echo '{"f": 1, "t": [[1], [2, 3]]}'""", ["t", "neither a number"]),
+        (f"""echo '{{"f": 1{"0" * 400}}}'""", ["f", "neither a number"]),
+        (f"""echo '{{"f": 1, "t": {"[" * 500}1{"]" * 500}}}'""", ["t", "neither a number"]),
+        (f"""echo '{{"f": {"[" * 9000}1{"]" * 9000}}}'""", ["JSON object"]),
+        ("""echo '{"f": 1, "work": 1e300}'""", ["work", "1e+30"]),
+        ("""echo '{"f": 1, "work": "3"}'""", ["work", "neither a number"]),
+        ("""echo '{"f": 1, "": 2}'""", ["name ''", "letters"]),
+        ("""echo '{"f": 1, ".": 2}'""", ["name '.'", "letters"]),
+        ("""echo '{"a": 1, "a/b": 2}'""", ["name 'a/b'", "no slash"]),
+        (r"""printf '{"f": 1, "\\ud800": 2}'""", ["name", "ud800", "letters"]),
+        (r"""printf '{"f": 1, "a\\u0000": 2}'""", ["name", "x00", "letters"]),
+        (f"""echo '{{"f": 1, "{"n" * 101}": 2}}'""", ["name", "nnn", "1 to 100"]),
         ("""echo '{"work": 3}'""", ["no result"]),
         ("""echo '{"f": 1, "work": 0}'""", ["work", "positive"]),
     ],
@@ -120,7 +137,20 @@ def test_bad_settings_are_refused_by_name() -> None:
         level("sh", time_limit_s=0.0)
 
 
-def test_booleans_and_nested_lists_become_numbers() -> None:
-    raw = numbers({"ok": True, "table": [[1, 2], [3, 4]]})
-    assert raw["ok"] == 1.0
+def test_nested_lists_become_arrays() -> None:
+    raw = numbers({"whole": 3, "table": [[1, 2], [3, 4.5]], "none": []})
+    assert raw["whole"] == 3.0
     assert raw["table"].shape == (2, 2)
+    assert raw["none"].shape == (0,)
+
+
+def test_the_answer_after_a_long_log_is_read() -> None:
+    outcome = run(f"""head -c {2 * OUTPUT_LIMIT} /dev/zero; echo; echo '{{"f": 2}}'""")
+    assert outcome.finished, outcome.why
+    assert outcome.raw["f"] == 2
+
+
+def test_an_answer_longer_than_what_is_kept_is_crashed_and_the_limit_said() -> None:
+    outcome = run(f"""printf '{{"f": 2, "t": 1'; head -c {2 * OUTPUT_LIMIT} /dev/zero; echo '}}'""")
+    assert outcome.status == "crashed"
+    assert "64 MB" in str(outcome.why)

@@ -1,6 +1,7 @@
 """Child processes: what they return, and that nothing of them is left in any case."""
 
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -10,7 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from fidelity.process import STDERR, STDOUT, run_logged
+from fidelity import process
+from fidelity.exchange import read_movement
+from fidelity.process import OUTPUT_LIMIT, run_logged
 from mfopt.errors import SimulationError
 
 PATIENCE_S = 30.0  # for what happens within milliseconds on a machine that is not stuck
@@ -63,8 +66,8 @@ def test_result_of_a_child(tmp_path: Path) -> None:
     )
     assert (ended.returncode, ended.timed_out) == (3, False)
     assert ended.last_lines.splitlines() == ["given", str(tmp_path), "trouble"]
-    assert (tmp_path / STDOUT).read_text() == f"given\n{tmp_path}\n"
-    assert (tmp_path / STDERR).read_text() == "trouble\n"
+    assert ended.output == f"given\n{tmp_path}\n"
+    assert not ended.cut
 
 
 def test_only_the_last_lines_are_kept(tmp_path: Path) -> None:
@@ -72,6 +75,23 @@ def test_only_the_last_lines_are_kept(tmp_path: Path) -> None:
     lines = ended.last_lines.splitlines()
     assert lines[-1] == "100000"
     assert len(lines) == 20
+
+
+def test_of_a_long_output_the_end_is_kept_in_bounded_memory(tmp_path: Path) -> None:
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    script = f"head -c {10 * OUTPUT_LIMIT} /dev/zero; echo; echo the end"
+    ended = run_logged(sh(script), directory=tmp_path, time_limit_s=60.0)
+    assert (ended.returncode, ended.cut) == (0, True)
+    assert len(ended.output) == OUTPUT_LIMIT
+    assert ended.output.endswith("\nthe end\n")
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 6 * OUTPUT_LIMIT / 1024
+    assert list(tmp_path.iterdir()) == []  # nor is it on the disk
+
+
+def test_a_log_without_end_is_read_until_the_time_limit(tmp_path: Path) -> None:
+    ended = run_logged(sh("yes >&2"), directory=tmp_path, time_limit_s=0.5)
+    assert ended.timed_out
+    assert ended.last_lines.splitlines()[-1] == "y"
 
 
 def test_cpu_time_counts_children_and_what_was_killed(tmp_path: Path) -> None:
@@ -187,3 +207,52 @@ def test_child_dies_with_its_keeper_and_is_run_again(tmp_path: Path) -> None:
     assert caller.wait(PATIENCE_S) == 0
     wait_until_gone(first)
     assert len(read_pids(tmp_path / "pids", 2)) == 2
+
+
+@pytest.fixture
+def _little_grace(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(process, "GRACE_S", 1.0)
+
+
+@pytest.mark.usefixtures("_little_grace")
+def test_a_stopped_keeper_is_ended_at_the_time_limit(tmp_path: Path) -> None:
+    began = time.monotonic()
+    script = f"kill -STOP $PPID; {FAMILY}"
+    ended = run_logged(sh(script), directory=tmp_path, time_limit_s=0.5)
+    assert ended.timed_out
+    assert time.monotonic() - began < PATIENCE_S
+    assert not any(alive(pid) for pid in read_pids(tmp_path / "pids", FAMILY_SIZE))
+
+
+@pytest.mark.usefixtures("_little_grace")
+def test_a_keeper_that_is_stopped_again_and_again_is_killed_with_its_run(tmp_path: Path) -> None:
+    script = f"while :; do kill -STOP $PPID; done & echo $! >> pids; {FAMILY}"
+    ended = run_logged(sh(script), directory=tmp_path, time_limit_s=0.5)
+    assert ended.timed_out
+    wait_until_gone(read_pids(tmp_path / "pids", FAMILY_SIZE + 1))
+
+
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
+def test_a_stopped_keeper_does_not_outlive_its_caller(tmp_path: Path, how: signal.Signals) -> None:
+    caller = start_caller(tmp_path, f"kill -STOP $PPID; {FAMILY}")
+    pids = read_pids(tmp_path / "pids", FAMILY_SIZE)
+    pids.append(keeper_of(caller.pid))
+    caller.send_signal(how)
+    caller.wait(PATIENCE_S)
+    wait_until_gone(pids)
+
+
+def test_no_descendant_outlives_a_killed_keeper(tmp_path: Path) -> None:
+    caller = start_caller(tmp_path, f"[ -e pids ] || {{ {FAMILY}; }}")
+    pids = read_pids(tmp_path / "pids", FAMILY_SIZE)
+    os.kill(keeper_of(caller.pid), signal.SIGKILL)
+    assert caller.wait(PATIENCE_S) == 0
+    wait_until_gone(pids)
+
+
+def test_named_pipes_in_place_of_files_hold_nothing_up(tmp_path: Path) -> None:
+    names = "stdin.txt stdout.txt stderr.txt result.json result.npz"
+    script = f"rm -f {names}; mkfifo {names}; [ -e tried ] || {{ touch tried; kill -9 $$; }}"
+    ended = run_logged(sh(script), directory=tmp_path, time_limit_s=60.0)
+    assert (ended.returncode, ended.timed_out) == (0, False)
+    assert read_movement(tmp_path, cpu_s=0.0) is None
