@@ -23,9 +23,9 @@ from fidelity.engine import Engine, Grain, Material, Packing, Physics, Setup, Wa
 from fidelity.portion import flaw, loose_portion
 from geometry.mesh import Mesh
 from geometry.parts import Cup, cup_wall
+from mfopt.array_file import read_arrays, write_arrays
 from mfopt.arrays import AnyArray, frozen
 from mfopt.errors import ConfigError, SimulationError
-from mfopt.store import read_arrays, write_arrays
 
 METHOD = 2  # counted up when packings are made differently, so that old ones are not used
 SETTLING_DAMPING = 0.4  # [-] numerical damping; brings the portion to rest soon

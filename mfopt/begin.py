@@ -56,7 +56,7 @@ def begin_reference(run: RunDirectory, now: Reference | None) -> None:
     """
     if now is None or now == run.reference:
         return
-    made = any(e.candidate.purpose.startswith("reference") for e in run.evaluations())
+    made = any(purpose.startswith("reference") for purpose in run.purposes)
     if made and now.why_not is None:
         raise ConfigError(
             f"{run.path} has a reference run by another version: "

@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mfopt.arrays import Array
-from mfopt.errors import ConfigError
 from mfopt.evaluation import Candidate, Evaluation, Purpose
 from mfopt.executor import Runner
 from mfopt.level import Ladder, Level
+from mfopt.memory import Memory
 from mfopt.objective import Objective, counts, objective_named, value
 from mfopt.problem import Problem
 from mfopt.search import Search
@@ -36,35 +36,6 @@ class Progress:
 
 
 Watch = Callable[[Progress], None]
-
-
-@dataclass(frozen=True, slots=True)
-class Memory:
-    """Evaluations of one run: those on disk are used again, new ones are added."""
-
-    run: RunDirectory
-    known: dict[int, Evaluation]
-
-    def recall(self, candidate: Candidate) -> Evaluation | None:
-        """The stored evaluation of a candidate.
-
-        Raises:
-            ConfigError: if the directory holds another design under its number.
-        """
-        found = self.known.get(candidate.index)
-        if found is None:
-            return None
-        stored = found.candidate
-        same = (stored.level, stored.seed, stored.purpose) == (
-            candidate.level, candidate.seed, candidate.purpose,
-        )  # fmt: skip
-        if not (same and np.array_equal(stored.x, candidate.x)):
-            raise ConfigError(
-                f"{self.run.path}: evaluation {candidate.index} is of another design than this "
-                "search asks for; it was made by another version or another study, so start "
-                "a new run directory"
-            )
-        return found
 
 
 def run_study(
@@ -91,7 +62,7 @@ def run_study(
     Returns:
         An evaluation of the recommended design, at the highest level that has one.
     """
-    memory = Memory(run, {e.candidate.index: e for e in run.evaluations()})
+    memory = Memory(run)
     try:
         made = _search(search, memory, ladder, runner, window, watch)
         best = best_of(made, ladder, search.recommended())
@@ -210,10 +181,10 @@ def _evaluate(
     watch: Watch,
 ) -> None:
     """Evaluate what is not in the run directory yet."""
-    known = [found for c in candidates if (found := memory.recall(c)) is not None]
-    for found in known:
+    known = {c.index: found for c in candidates if (found := memory.recall(c)) is not None}
+    for found in known.values():
         watch(Progress(found, [], replayed=True))
-    missing = [c for c in candidates if c.index not in memory.known]
+    missing = [c for c in candidates if c.index not in known]
     for candidate, outcome in runner.run(ladder, missing):
         new = Evaluation(candidate, outcome, value(objective, outcome))
         memory.run.add_evaluation(new)

@@ -1,18 +1,21 @@
 """The run directory: everything a run needs to be resumed, reported and trusted.
 
     study.toml       the study as given
-    run.json         format, versions, seeds, choices made at the start
-    journal.jsonl    one line per generation, evaluation and insight, with its numbers, and one
-                     on the engine of the reference runs
-    outcomes/N.h5    arrays of evaluation N, if it has any
+    run.json         format, versions, seeds, choices made at the start, with a check
+    journal.jsonl    one line per generation, evaluation and insight, with its numbers, each with
+                     a check; one on the engine of the reference runs
+    outcomes/N.h5    arrays of the N-th evaluation, if they are too large for its line
+    lock             held while a run writes
 
 Arrays are written aside, flushed and renamed before the journal line is appended and
 flushed, so a kill at any instant loses at most the runs in flight. A torn last line is
-dropped. Nothing is ever unpickled.
+dropped. Nothing is ever unpickled. What does not fit its check is named and never used.
+
+A run may be extended, by a larger budget for instance. Its search is then replayed; evaluations
+that it asks for again are used again, found by what they are of and not by their place.
 """
 
 import contextlib
-import io
 import json
 import math
 import os
@@ -21,17 +24,27 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 
+from mfopt.array_file import as_text, digest, fit_hdf5, from_text, read_arrays, write_arrays
 from mfopt.arrays import AnyArray, frozen
 from mfopt.errors import ConfigError
 from mfopt.evaluation import Candidate, Evaluation, Generation, Insight, Reference
 from mfopt.files import ASIDE, disk_errors_named, write_aside
+from mfopt.journal import Journal, Line
 from mfopt.lock import held
 from mfopt.outcome import Outcome
 
-FORMAT = 1
+FORMAT = 2
+READ_BY = {"1": "mfopt 0.1"}  # which version reads an older format
+MOST_IN_LINE = 16_000  # [bytes] arrays of a run that its line holds; more are a file
+
+Stored = dict[str, Any]  # line of an evaluation, without arrays that are in it
+Of = tuple[str, str, int, bytes]  # purpose, level, seed and design of a candidate
+
+
+class DamagedArrays(ConfigError):
+    """The arrays of an evaluation are gone or changed; a resumed run makes it again."""
 
 
 @dataclass(slots=True)
@@ -44,88 +57,209 @@ class RunDirectory:
     insights: list[Insight] = field(default_factory=list)
     reference: Reference | None = None  # None if the study asks for none
     end: str | None = None  # why the run ended; None while it runs or if it broke off
-    _lines: list[dict[str, Any]] = field(default_factory=list)
+    _journal: Journal = field(init=False)
+    _stored: dict[int, Stored] = field(default_factory=dict)  # by index of the candidate
+    _earlier: dict[int, Stored] = field(default_factory=dict)  # by number, before an extension
+    _alike: dict[Of, list[int]] = field(default_factory=dict)  # numbers of those, by what of
+    _made: int = 0  # evaluations, those before an extension included
+    _noted: set[tuple[str, int]] = field(default_factory=set)  # generations and insights
+
+    def __post_init__(self) -> None:
+        self._journal = Journal(self.path / "journal.jsonl", str(self.header.get("check")))
 
     @property
     def study_file(self) -> Path:
         """The study as it was given."""
         return self.path / "study.toml"
 
+    def study(self) -> str:
+        """Text of the study as it was given; empty for a run of `mfopt.minimize`.
+
+        Raises:
+            ConfigError: if the file is not the one that was given.
+        """
+        with disk_errors_named(self.study_file, "read"):
+            content = self.study_file.read_bytes()
+        if digest(content) != self.header.get("study_check"):
+            raise ConfigError(
+                f"{self.study_file} is not the study of this run; restore it, or resume the run "
+                "with its study, which writes it anew"
+            )
+        return content.decode("utf-8")
+
     def __len__(self) -> int:
-        return len(self._lines)
+        return len(self._stored)
+
+    @property
+    def purposes(self) -> set[str]:
+        """What the evaluations are for, those before an extension included."""
+        return {its["purpose"] for its in (*self._stored.values(), *self._earlier.values())}
 
     def evaluations(self) -> Iterator[Evaluation]:
-        """All evaluations in the order they were asked for, raw arrays included."""
-        for line in sorted(self._lines, key=lambda line: int(line["index"])):
-            yield self._evaluation(line)
+        """All evaluations in the order they were asked for, raw arrays included.
+
+        Raises:
+            ConfigError: if the arrays of one are damaged.
+        """
+        for index in sorted(self._stored):
+            yield self._evaluation(self._stored[index])
 
     def evaluation(self, index: int) -> Evaluation | None:
-        """The evaluation of that index, or None if it has not been made."""
-        for line in self._lines:
-            if line["index"] == index:
-                return self._evaluation(line)
-        return None
+        """The evaluation of that index, or None if it has not been made.
 
-    def _evaluation(self, line: Mapping[str, Any]) -> Evaluation:
-        x = frozen(line["x"])
-        raw = {name: np.asarray(value) for name, value in line["raw"].items()}
-        if line["arrays"]:
-            raw |= read_arrays(self.path / "outcomes" / f"{line['index']}.h5")
+        Raises:
+            DamagedArrays: if its arrays are gone or changed.
+        """
+        stored = self._stored.get(index)
+        return None if stored is None else self._evaluation(stored)
+
+    def _evaluation(self, stored: Stored) -> Evaluation:
+        x = frozen(stored["x"])
+        raw = {name: np.asarray(value) for name, value in stored["raw"].items()}
         return Evaluation(
-            Candidate(line["index"], x, line["level"], line["seed"], line["generation"],
-                      line["purpose"]),
-            Outcome(x, line["level"], line["seed"], line["status"], line["why"], raw,
-                    line["work"], line["cpu_s"]),
-            math.inf if line["objective"] is None else line["objective"],
+            _candidate(stored),
+            Outcome(x, stored["level"], stored["seed"], stored["status"], stored["why"],
+                    raw | self._arrays(stored), stored["work"], stored["cpu_s"]),
+            math.inf if stored["objective"] is None else stored["objective"],
         )  # fmt: skip
+
+    def _arrays(self, stored: Stored) -> dict[str, AnyArray]:
+        if (begins := stored.get("begins")) is not None:
+            return {
+                name: from_text(text)
+                for name, text in self._journal.record_at(begins)["arrays"].items()
+            }
+        if stored["arrays"] is None:
+            return {}
+        try:
+            return read_arrays(self._file(stored["number"]), stored["arrays"])
+        except ConfigError as error:
+            raise DamagedArrays(
+                f"evaluation {stored['index']} cannot be used: {error}; `mfopt run --resume` makes "
+                "it again"
+            ) from error
+
+    def _file(self, number: int) -> Path:
+        return self.path / "outcomes" / f"{number}.h5"
 
     def add_generation(self, generation: Generation) -> None:
         """Append a generation, unless the journal has it already."""
-        if any(g.number == generation.number for g in self.generations):
-            return
-        self._append({"kind": "generation", **asdict(generation)})
-        self.generations.append(generation)
+        if ("generation", generation.number) not in self._noted:
+            self._add({"kind": "generation", **asdict(generation)})
 
     def add_insight(self, insight: Insight) -> None:
         """Append what a generation taught, unless the journal has it already."""
-        if any(i.generation == insight.generation for i in self.insights):
-            return
-        self._append({"kind": "insight", **asdict(insight)})
-        self.insights.append(insight)
+        if ("insight", insight.generation) not in self._noted:
+            self._add({"kind": "insight", **asdict(insight)})
 
     def add_evaluation(self, evaluation: Evaluation) -> None:
         """Append an evaluation: arrays first, then the journal line that makes it count."""
         c, o = evaluation.candidate, evaluation.outcome
         scalars = {name: a.item() for name, a in o.raw.items() if _fits_json(a)}
         arrays = {name: a for name, a in o.raw.items() if name not in scalars}
-        line = {
-            "kind": "evaluation", "index": c.index, "generation": c.generation,
-            "purpose": c.purpose, "level": c.level, "seed": c.seed, "x": list(map(float, c.x)),
+        self._add({
+            "kind": "evaluation", "number": self._made, "index": c.index,
+            "generation": c.generation, "purpose": c.purpose, "level": c.level, "seed": c.seed,
+            "x": list(map(float, c.x)),
             "objective": evaluation.objective if math.isfinite(evaluation.objective) else None,
             "status": o.status, "why": o.why, "work": o.work, "cpu_s": o.cpu_s,
-            "raw": scalars, "arrays": bool(arrays),
-        }  # fmt: skip
-        if arrays:
-            write_arrays(self.path / "outcomes" / f"{c.index}.h5", arrays)
-        self._append(line)
-        self._lines.append(line)
+            "raw": scalars, "arrays": self._packed(arrays),
+        })  # fmt: skip
+
+    def _packed(self, arrays: Mapping[str, AnyArray]) -> dict[str, str] | str | None:
+        """Arrays as their line holds them: themselves, the digest of their file, or nothing."""
+        small = sum(array.nbytes for array in arrays.values()) <= MOST_IN_LINE
+        if not arrays:
+            return None
+        if small or not all(map(fit_hdf5, arrays.values())):
+            return {name: as_text(array) for name, array in arrays.items()}
+        return write_arrays(self._file(self._made), arrays)
 
     def add_reference(self, reference: Reference) -> None:
         """Say on which engine the reference runs are made; the last word counts."""
-        self._append({"kind": "reference", **asdict(reference)})
-        self.reference = reference
+        self._add({"kind": "reference", **asdict(reference)})
 
     def add_end(self, why: str) -> None:
         """Say that the run has ended, and why."""
-        self._append({"kind": "end", "why": why})
-        self.end = why
+        self._add({"kind": "end", "why": why})
 
-    def _append(self, line: Mapping[str, Any]) -> None:
-        its = self.path / "journal.jsonl"
-        with disk_errors_named(its, "write"), open(its, "ab") as journal:
-            journal.write((json.dumps(line, allow_nan=False) + "\n").encode())
-            journal.flush()
-            os.fsync(journal.fileno())
+    def forget(self, index: int) -> None:
+        """Say that an evaluation is of no use, because its arrays are damaged."""
+        self._add({"kind": "lost", "index": index})
+
+    def extend(self, changed: Mapping[str, Any]) -> None:
+        """Let the run go on with other entries of its header; its search is to be replayed."""
+        self._add({"kind": "extended", "header": dict(changed)})
+
+    def use_again(self, candidate: Candidate) -> Evaluation | None:
+        """An evaluation made before the run was extended that is of this very candidate."""
+        while alike := self._alike.get(_of(candidate)):
+            stored = self._earlier[alike[0]]
+            place = {"index": candidate.index, "generation": candidate.generation}
+            try:
+                found = self._evaluation(stored | place)
+            except DamagedArrays:
+                alike.pop(0)
+            else:
+                self._add({"kind": "again", "number": alike[0], **place})
+                return found
+        return None
+
+    def _add(self, record: Mapping[str, Any]) -> None:
+        self._take(record, self._journal.append(record))
+
+    def _take(self, record: Mapping[str, Any], begins: int) -> None:
+        """Learn what a line says; it begins at `begins` in the journal."""
+        its = {name: value for name, value in record.items() if name != "kind"}
+        match record["kind"]:
+            case "generation":
+                self.generations.append(Generation(**its))
+                self._noted.add(("generation", its["number"]))
+            case "insight":
+                self.insights.append(Insight(**its | {"best": tuple(its["best"])}))
+                self._noted.add(("insight", its["generation"]))
+            case "evaluation":
+                if isinstance(its["arrays"], dict):
+                    its |= {"arrays": None, "begins": begins}
+                self._keep(its)
+                self._made += 1
+            case "again":
+                before = self._earlier.pop(its["number"])
+                self._alike[_of(_candidate(before))].remove(its["number"])
+                self._keep(before | its)
+            case "lost":
+                del self._stored[its["index"]]
+            case "reference":
+                self.reference = Reference(**its)
+            case "end":
+                self.end = its["why"]
+            case "extended":
+                self._begin_anew(its["header"])
+            case other:
+                raise ValueError(f"kind {other!r} is unknown")
+
+    def _keep(self, stored: Stored) -> None:
+        if stored["index"] in self._stored:
+            raise ValueError(f"evaluation {stored['index']} is there twice")
+        self._stored[stored["index"]] = stored
+
+    def _begin_anew(self, changed: Mapping[str, Any]) -> None:
+        self.header = {**self.header, **changed}
+        self._earlier |= {stored["number"]: stored for stored in self._stored.values()}
+        self._alike = {}
+        for number in sorted(self._earlier):
+            its = _of(_candidate(self._earlier[number]))
+            self._alike.setdefault(its, []).append(number)
+        self._stored, self.generations, self.insights = {}, [], []
+        self._noted, self.end = set(), None
+
+    def _read(self, line: Line) -> None:
+        try:
+            self._take(line.record, line.begins)
+        except KeyError as error:
+            raise self._journal.damaged(line.number, f"it lacks {error}") from error
+        except (TypeError, ValueError, AttributeError) as error:
+            raise self._journal.damaged(line.number, str(error)) from error
 
 
 def create(path: Path, study: str, header: Mapping[str, Any]) -> RunDirectory:
@@ -134,12 +268,14 @@ def create(path: Path, study: str, header: Mapping[str, Any]) -> RunDirectory:
     Raises:
         ConfigError: if there is a run already, or the directory cannot be written.
     """
-    if (path / "run.json").exists():
+    if os.path.lexists(path / "run.json"):
         raise ConfigError(f"{path} holds a run already; use --resume, or another directory")
-    header = {"format": FORMAT, **header}
+    header = {"format": FORMAT, **header, "study_check": digest(study.encode())}
+    header["check"] = _check(header)
     with disk_errors_named(path, "write"):
         (path / "outcomes").mkdir(parents=True, exist_ok=True)
     write_aside(path / "study.toml", study.encode())
+    write_aside(path / "journal.jsonl", b"")
     write_aside(path / "run.json", json.dumps(header, indent=2).encode())
     return RunDirectory(path, header)
 
@@ -148,33 +284,40 @@ def open_run(path: Path) -> RunDirectory:
     """Open a finished, running or broken-off run directory.
 
     Raises:
-        ConfigError: if there is no run, or it is of another format.
+        ConfigError: if there is no run, it is of another format, or what is there is damaged.
     """
-    try:
-        header = json.loads((path / "run.json").read_text())
-    except FileNotFoundError as error:
-        raise ConfigError(f"{path} is not a run directory: it has no run.json") from error
-    except (OSError, ValueError) as error:
-        raise ConfigError(f"cannot read {path / 'run.json'}: {error}") from error
-    if header.get("format") != FORMAT:
-        raise ConfigError(
-            f"{path} was written in format {header.get('format')!r}, this version reads {FORMAT}; "
-            "use the version of mfopt that wrote it, or start a new run directory"
-        )
-    run = RunDirectory(path, header)
-    for line in _journal(path / "journal.jsonl"):
-        match line.pop("kind"):
-            case "generation":
-                run.generations.append(Generation(**line))
-            case "insight":
-                run.insights.append(Insight(**line | {"best": tuple(line["best"])}))
-            case "evaluation":
-                run._lines.append(line)
-            case "reference":
-                run.reference = Reference(**line)
-            case "end":
-                run.end = line["why"]
+    run = RunDirectory(path, _header(path / "run.json"))
+    for line in run._journal.read():
+        run._read(line)
     return run
+
+
+def _header(path: Path) -> dict[str, Any]:
+    if not os.path.lexists(path):
+        raise ConfigError(f"{path.parent} is not a run directory: it has no run.json")
+    with disk_errors_named(path, "read"):
+        content = path.read_bytes()
+    try:
+        header = json.loads(content)
+    except (ValueError, RecursionError) as error:
+        raise ConfigError(f"{path} is damaged: it is no JSON; restore it") from error
+    if not isinstance(header, dict):
+        raise ConfigError(f"{path} is damaged: it is no JSON object; restore it")
+    if (found := header.get("format")) != FORMAT:
+        reader = READ_BY.get(str(found), "the version of mfopt that wrote it")
+        raise ConfigError(
+            f"{path.parent} was written in format {found!r}, this version reads {FORMAT}; use "
+            f"{reader}, or start a new run directory"
+        )
+    if header.get("check") != _check(header):
+        raise ConfigError(f"{path} is damaged: its check does not fit; restore it")
+    return header
+
+
+def _check(header: Mapping[str, Any]) -> str:
+    """Digest of a header, but for the check in it."""
+    its = {name: value for name, value in header.items() if name != "check"}
+    return digest(json.dumps(its, sort_keys=True).encode())
 
 
 @contextlib.contextmanager
@@ -189,7 +332,8 @@ def writing(path: Path) -> Iterator[None]:
     with held(path):
         with disk_errors_named(path, "write"):
             _clear_leftovers(path)
-            _drop_torn_line(path / "journal.jsonl")
+        if os.path.lexists(path / "journal.jsonl"):
+            Journal(path / "journal.jsonl", "").drop_torn_line()
         yield
 
 
@@ -204,49 +348,16 @@ def _clear_leftovers(path: Path) -> None:
             file.unlink(missing_ok=True)
 
 
-def _drop_torn_line(journal: Path) -> None:
-    if journal.exists():
-        text = journal.read_bytes()
-        whole = text.rfind(b"\n") + 1
-        if whole != len(text):
-            os.truncate(journal, whole)
+def _candidate(stored: Stored) -> Candidate:
+    return Candidate(
+        stored["index"], frozen(stored["x"]), stored["level"], stored["seed"],
+        stored["generation"], stored["purpose"],
+    )  # fmt: skip
 
 
-def _journal(path: Path) -> Iterator[dict[str, Any]]:
-    if not path.exists():
-        return
-    for number, line in enumerate(path.read_bytes().split(b"\n")[:-1], start=1):
-        try:
-            yield json.loads(line)
-        except ValueError as error:
-            raise ConfigError(
-                f"{path}, line {number} is damaged; restore the file, or delete that line "
-                "and what follows and resume"
-            ) from error
-
-
-def write_arrays(path: Path, arrays: Mapping[str, AnyArray]) -> None:
-    """Write named arrays to an HDF5 file that is either whole or absent."""
-    content = io.BytesIO()  # HDF5 cannot close a file on a full disk
-    with h5py.File(content, "w") as file:
-        for name, values in arrays.items():
-            array = np.asarray(values)
-            packed = {"compression": "gzip"} if array.size > 1000 else {}
-            file.create_dataset(name, data=array, **packed)
-    write_aside(path, content.getvalue())
-
-
-def read_arrays(path: Path) -> dict[str, AnyArray]:
-    """Read every array of an HDF5 file.
-
-    Raises:
-        ConfigError: if the file is missing or damaged.
-    """
-    try:
-        with h5py.File(path, "r") as file:
-            return {name: np.asarray(dataset) for name, dataset in file.items()}
-    except OSError as error:
-        raise ConfigError(f"{path} is missing or damaged; restore it: {error}") from error
+def _of(candidate: Candidate) -> Of:
+    """What an evaluation is of, wherever it stands in the run."""
+    return candidate.purpose, candidate.level, candidate.seed, candidate.x.tobytes()
 
 
 def _fits_json(value: AnyArray) -> bool:
