@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from mfopt.commands.check import check
 from mfopt.commands.evaluate import evaluate
 from mfopt.commands.geometry import geometry
 from mfopt.commands.init import init
@@ -36,5 +37,5 @@ def main(
     """Find the best design of a granular machine with few simulation runs."""
 
 
-for function in (init, run, status, report, evaluate, geometry, ladder):
+for function in (init, check, run, status, report, evaluate, geometry, ladder):
     app.command()(exit_codes(function))

@@ -11,6 +11,12 @@ def ladder(study_file: StudyFile) -> None:
     """Show the levels of a study, what they cost and what the study spends on them."""
     study, _ = read_study(study_file)
     parts = assemble(study, where=str(study_file))
+    screen.print(ladder_table(study, parts))
+    screen.print(spending(study, parts))
+
+
+def ladder_table(study: Study, parts: Assembled) -> Table:
+    """The levels with their engines, what a run costs, and the runs planned."""
     planned = _planned_runs(study, parts)
     work = {level.name: level.work(parts.problem.baseline) for level in parts.all_levels}
     top = work[parts.ladder.top.name]
@@ -27,8 +33,7 @@ def ladder(study_file: StudyFile) -> None:
             f"{work[level.name]:.3g}",
         )
         table.add_row(level.name, *cells, f"{work[level.name] / top:.3g}", planned[level.name])
-    screen.print(table)
-    screen.print(_spending(study, parts, top))
+    return table
 
 
 def _planned_runs(study: Study, parts: Assembled) -> dict[str, str]:
@@ -45,9 +50,10 @@ def _planned_runs(study: Study, parts: Assembled) -> dict[str, str]:
     return planned
 
 
-def _spending(study: Study, parts: Assembled, full_run: float) -> str:
+def spending(study: Study, parts: Assembled) -> str:
     """What the study may spend in all, in runs of the target level."""
     x, its = parts.problem.baseline, study.search
+    full_run = parts.ladder.top.work(x)
     after: float = 2.0 * study.confirm.seeds
     if parts.reference_level is not None:
         after += 2.0 * parts.reference_level.work(x) / full_run
