@@ -1,0 +1,102 @@
+"""Undisturbed runs, which the disturbed ones are compared with."""
+
+import shutil
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from faults.campaign import COMMANDS, Evaluations, complaint, new_campaign
+from faults.stores import Base
+
+ROOT = Path(__file__).parents[2]
+
+# Grains that move, by an engine outside of mfopt, for kills.
+YADE = """
+[study]
+name = "small"
+seed = 3
+[problem]
+scene = "dosing"
+objective = "dispersion"
+[[level]]
+name = "reduced"
+engine = "reduced"
+[[level]]
+name = "dem-40"
+engine = "yade"
+grains = 40
+spheres_per_grain = 1
+[search]
+method = "cma-es"
+population_size = 4
+seeds = 2
+[[search.stage]]
+level = "reduced"
+generations = 2
+[[search.stage]]
+level = "dem-40"
+generations = 2
+[confirm]
+seeds = 1
+[run]
+workers = 2
+"""
+
+# A surrogate over two levels that take milliseconds, for damaged stores.
+ASSISTED = """
+[study]
+name = "small"
+[problem]
+scene = "dosing"
+objective = "dispersion"
+[[level]]
+name = "few"
+engine = "reduced"
+grains = 50
+[[level]]
+name = "many"
+engine = "reduced"
+grains = 300
+[search]
+budget = 12
+population_size = 6
+[confirm]
+seeds = 1
+[run]
+workers = 1
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Undisturbed:
+    """A study, and what an undisturbed run of it gave."""
+
+    study: str
+    base: Base
+    evaluations: Evaluations
+
+
+def undisturbed(folder: Path, study: str = COMMANDS) -> Undisturbed:
+    """Run a study without any fault.
+
+    Raises:
+        RuntimeError: if it does not end well.
+    """
+    campaign = new_campaign(folder, study)
+    wrong = complaint(campaign.run(), codes=(0,))
+    if wrong is not None:
+        raise RuntimeError(f"the undisturbed run failed: {wrong}")
+    base = Base(campaign.study, campaign.directory)
+    return Undisturbed(study, base, campaign.evaluations())
+
+
+def studies() -> list[dict[str, Any]]:
+    """Valid studies of every kind, to be fuzzed."""
+    examples = [path.read_text() for path in sorted((ROOT / "examples").glob("*.toml"))]
+    return [tomllib.loads(text) for text in (COMMANDS, ASSISTED, *examples)]
+
+
+def has_yade() -> bool:
+    """Whether kills of YADE can be tried here."""
+    return shutil.which("yade") is not None

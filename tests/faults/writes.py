@@ -1,0 +1,71 @@
+"""The n-th write fails, for every n: no space left, or an input/output error."""
+
+import errno
+import json
+import os
+import shutil
+from pathlib import Path
+
+from faults.campaign import (
+    COMMANDS,
+    Campaign,
+    Ended,
+    Evaluations,
+    complaint,
+    difference,
+    new_campaign,
+    resumes,
+)
+from faults.table import Trial
+
+STUDY = COMMANDS.replace("workers = 2", "workers = 1")  # so that its writes can be counted
+HOOK = Path(__file__).with_name("hook")
+ERRORS = (errno.ENOSPC, errno.EIO)
+Case = tuple[str, int, int]  # role, number of the write, errno
+
+
+def cases(folder: Path, study: str) -> list[Case]:
+    """Every write of an undisturbed run, with every error."""
+    found: list[Case] = []
+    for role in ("main", "worker"):
+        campaign = new_campaign(folder, study)
+        told = folder / "told"
+        if (wrong := complaint(_run(campaign, (role, 0, 0), told), codes=(0,))) is not None:
+            raise RuntimeError(f"undisturbed run: {wrong}")
+        writes = len(told.read_text().splitlines())
+        found += [(role, n, error) for n in range(1, writes + 1) for error in ERRORS]
+    shutil.rmtree(folder)
+    return found
+
+
+def trial(folder: Path, study: str, wanted: Evaluations, case: Case) -> Trial:
+    """Let one write fail; then the run must resume to the undisturbed end."""
+    role, number, error = case
+    campaign, told = new_campaign(folder, study), folder / "told"
+    ended = _run(campaign, case, told)
+    failed = told.read_text().strip() if told.exists() else "nothing"
+    loss = _loss(campaign, complaint(ended, codes=(0, 1, 2)), ended.returncode, wanted)
+    if loss is None:
+        shutil.rmtree(folder)
+    name = f"write of {role}: {errno.errorcode[error]}"
+    return Trial(name, f"write {number}, {failed}", loss)
+
+
+def _loss(campaign: Campaign, wrong: str | None, code: int, wanted: Evaluations) -> str | None:
+    if wrong is not None:
+        return wrong
+    if code == 0 and (wrong := difference(campaign.evaluations(), wanted)) is not None:
+        return f"went on, but {wrong}"
+    kept = campaign.journal()
+    if (wrong := resumes(campaign, wanted)) is not None:
+        return wrong
+    if campaign.journal()[: len(kept)] != kept:
+        return "lines of the journal are lost"
+    return None
+
+
+def _run(campaign: Campaign, case: Case, told: Path) -> Ended:
+    role, number, error = case
+    fault = {"role": role, "number": number, "errno": error, "told": str(told)}
+    paths = os.pathsep.join(filter(None, (str(HOOK), os.environ.get("PYTHONPATH"))))
+    return campaign.run(MFOPT_FAULT=json.dumps(fault), PYTHONPATH=paths)
