@@ -26,8 +26,9 @@ def main() -> int:
     folder = Path(tempfile.mkdtemp(prefix="survive-"))
     print(f"seed {given.seed}; what was lost is kept in {folder}", flush=True)
     for kind in given.kind or LONG:
-        count = given.count or (LONG if given.long else SHORT)[kind]
-        numbers = None if count is None else range(given.first, given.first + count)
+        numbers = (LONG if given.long else SHORT)[kind]
+        if given.count is not None:
+            numbers = range(given.first, given.first + given.count)
         for trial in trials(kind, folder, given.seed, numbers, given.jobs):
             made.append(trial)
             print("\n".join(losses([trial])) or ".", end="" if trial.loss is None else "\n",

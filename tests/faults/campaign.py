@@ -55,7 +55,7 @@ workers = 2
 TIME_LIMIT_S = 300.0  # of one mfopt; it takes a few seconds where nobody else needs the machine
 GRACE_S = 20.0  # for the kernel and the keepers to end what was left
 
-Evaluations = list[tuple[object, ...]]
+End = list[object]  # all that a run directory holds and that must repeat, bit for bit
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,9 +106,9 @@ class Campaign:
                 errors += f"\nno end within {TIME_LIMIT_S:g} s"
         return Ended(process.returncode, output, errors)
 
-    def evaluations(self) -> Evaluations:
-        """Everything of the evaluations that must repeat, bit for bit; CPU time must not."""
-        return evaluations(self.directory)
+    def end(self) -> End:
+        """What the run came to."""
+        return end(self.directory)
 
     def journal(self) -> list[bytes]:
         """The whole lines of the journal, without a torn last one."""
@@ -136,17 +136,19 @@ class Campaign:
         return sorted(str(path.relative_to(self.folder)) for path in found)
 
 
-def evaluations(run: Path) -> Evaluations:
-    """Everything of the evaluations that must repeat, bit for bit."""
-    return [
+def end(run: Path) -> End:
+    """All that must repeat, bit for bit: evaluations, but for CPU time, and insights."""
+    its = open_run(run)
+    evaluations = [
         (
             e.candidate.index, e.candidate.level, e.candidate.seed, e.candidate.purpose,
             e.candidate.x.tobytes(), e.objective, e.outcome.status, e.outcome.work,
             {name: array.tobytes() for name, array in sorted(e.outcome.raw.items())
              if not name.startswith("settling")},
         )
-        for e in open_run(run).evaluations()
+        for e in its.evaluations()
     ]  # fmt: skip
+    return [*evaluations, *its.insights]
 
 
 def new_campaign(folder: Path, study: str = COMMANDS) -> Campaign:
@@ -174,22 +176,22 @@ def complaint(ended: Ended, *, codes: tuple[int, ...]) -> str | None:
     return None
 
 
-def difference(found: Evaluations, wanted: Evaluations) -> str | None:
+def difference(found: End, wanted: End) -> str | None:
     """What differs between two ends of the same study, or None."""
     if len(found) != len(wanted):
-        return f"{len(found)} evaluations, not {len(wanted)}"
+        return f"{len(found)} evaluations and insights, not {len(wanted)}"
     for one, other in zip(found, wanted, strict=True):
         if one != other:
-            return f"evaluation {other[0]} differs: {one[1:7]}, not {other[1:7]}"
+            return f"differs: {str(one)[:300]}, not {str(other)[:300]}"
     return None
 
 
-def resumes(campaign: Campaign, wanted: Evaluations) -> str | None:
+def resumes(campaign: Campaign, wanted: End) -> str | None:
     """Go on with a run that broke off; what is wrong with its end, or None."""
     wrong = complaint(campaign.run(), codes=(0,))
     if wrong is not None:
         return f"does not resume: {wrong}"
-    wrong = difference(campaign.evaluations(), wanted)
+    wrong = difference(campaign.end(), wanted)
     if wrong is None and campaign.leftovers():
         wrong = f"left over: {', '.join(campaign.leftovers())}"
     if wrong is None and not (campaign.directory / "report.pdf").exists():

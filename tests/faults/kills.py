@@ -9,7 +9,14 @@ import time
 from pathlib import Path
 
 from faults.campaign import (
-    GRACE_S, SIMULATOR, TIME_LIMIT_S, Campaign, Ended, Evaluations, complaint, new_campaign,
+    GRACE_S,
+    SIMULATOR,
+    TIME_LIMIT_S,
+    Campaign,
+    End,
+    Ended,
+    complaint,
+    new_campaign,
     resumes,
 )  # fmt: skip
 from faults.table import Trial
@@ -18,7 +25,7 @@ TARGETS = ("mfopt", "worker", "keeper", "simulator")
 TRIES = 20  # moments looked for until one finds what is to be killed
 
 
-def trial(folder: Path, study: str, wanted: Evaluations, seed: int, number: int) -> Trial:
+def trial(folder: Path, study: str, wanted: End, seed: int, number: int) -> Trial:
     """Kill once, let the run end or resume it, and compare with an undisturbed end."""
     target = TARGETS[number % len(TARGETS)]
     choose = random.Random(f"kill {seed} {number}")
@@ -72,7 +79,7 @@ def _kind(words: list[bytes]) -> str:
 
 
 def _loss(
-    campaign: Campaign, target: str, ended: Ended, kept: list[bytes], wanted: Evaluations
+    campaign: Campaign, target: str, ended: Ended, kept: list[bytes], wanted: End
 ) -> str | None:
     if (orphans := _orphans(campaign)) is not None:
         return orphans

@@ -13,12 +13,19 @@ from multiprocessing.connection import Connection
 from multiprocessing.synchronize import Barrier
 from pathlib import Path
 
+from mfopt.lock import held
+
 from faults.campaign import (
-    TIME_LIMIT_S, Campaign, Ended, Evaluations, complaint, difference, new_campaign,
+    TIME_LIMIT_S,
+    Campaign,
+    End,
+    Ended,
+    complaint,
+    difference,
+    new_campaign,
 )  # fmt: skip
 from faults.table import Trial
 from mfopt.errors import ConfigError
-from mfopt.lock import held
 
 # Everything loaded, it says so and waits for its standard input to be closed.
 WAITING = """
@@ -31,7 +38,7 @@ main()
 """
 
 
-def trial(folder: Path, study: str, wanted: Evaluations, seed: int, number: int) -> Trial:
+def trial(folder: Path, study: str, wanted: End, seed: int, number: int) -> Trial:
     """Start two whole `mfopt run`, in turns of the same and of different studies."""
     choose = random.Random(f"starts {seed} {number}")
     campaign = new_campaign(folder, study)
@@ -72,9 +79,7 @@ def _both(campaign: Campaign, studies: list[Path], options: list[str]) -> list[E
     return ended
 
 
-def _loss(
-    campaign: Campaign, studies: list[Path], ended: list[Ended], wanted: Evaluations
-) -> str | None:
+def _loss(campaign: Campaign, studies: list[Path], ended: list[Ended], wanted: End) -> str | None:
     for one in ended:
         if (wrong := complaint(one, codes=(0, 2))) is not None:
             return wrong
@@ -87,10 +92,10 @@ def _loss(
     kinds = [json.loads(line)["kind"] for line in campaign.journal()]
     if kinds.count("end") != 1:
         return f"{kinds.count('end')} ends in the journal"
-    if kinds.count("evaluation") != len(campaign.evaluations()):
+    if kinds.count("evaluation") != len(wanted):
         return "evaluations are twice in the journal"
     if winner.read_text() == campaign.study.read_text():
-        return difference(campaign.evaluations(), wanted)
+        return difference(campaign.end(), wanted)
     return None
 
 

@@ -5,23 +5,37 @@ import json
 import random
 import re
 import shutil
-import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from click.testing import Result
-from typer.testing import CliRunner
+from typer.testing import CliRunner, Result
 
-from faults.campaign import Evaluations, evaluations
-from faults.table import Trial
+from faults.campaign import End, end
+from faults.table import Trial, unforeseen
 from mfopt.cli import app
 from mfopt.errors import ConfigError
+from mfopt.evaluation import Generation
 from mfopt.store import open_run
 
-ODD = (None, True, -1, 0, 1e308, 10**400, "", "x", "\x00", "../..", [], {}, [[]], {"a": 1})
-State = tuple[Evaluations, Any, Any, str | None]  # evaluations, generations, insights, end
+ODD: tuple[Any, ...] = (
+    None,
+    True,
+    -1,
+    0,
+    1e308,
+    10**400,
+    "",
+    "x",
+    "\x00",
+    "../..",
+    [],
+    {},
+    [[]],
+    {"a": 1},
+)
+State = tuple[End, list[Generation], str | None]  # evaluations and insights, generations, end
 Damage = Callable[[random.Random, Path], str]
 
 
@@ -69,9 +83,9 @@ def _mfopt(*arguments: str | Path) -> Result:
 def _judged(base: Base, run: Path, done: Result, command: str) -> str | None:
     """What is wrong with how a command dealt with the damage, or None."""
     if done.exception is not None and not isinstance(done.exception, SystemExit):
-        return "".join(traceback.format_exception(done.exception))[-1500:]
+        return unforeseen(done.exception)
     if "Traceback" in done.output or "bug of mfopt" in done.output:
-        return f"traceback: {done.output[-1500:]}"
+        return f"traceback: {done.output[-600:]}"
     errors = done.stderr.strip().splitlines()
     if done.exit_code not in (0, 1, 2):
         return f"exit code {done.exit_code}"
@@ -94,10 +108,10 @@ def _silent_change(base: Base, run: Path, done: Result, command: str) -> str | N
         found = _state(run)
     except ConfigError as error:
         return f"exit code 0, but the run cannot be opened: {error}"
-    if command != "run" and found[3] is None:
+    if command != "run" and found[2] is None:
         return None  # it says that the run has broken off: whole lines are gone from its end
     for name, one, other in zip(
-        ("evaluations", "generations", "insights", "end"), found, wanted, strict=True
+        ("evaluations or insights", "generations", "end"), found, wanted, strict=True
     ):
         if one != other:
             return f"{name} changed without a word"
@@ -108,7 +122,7 @@ def _silent_change(base: Base, run: Path, done: Result, command: str) -> str | N
 
 def _state(run: Path) -> State:
     its = open_run(run)
-    return evaluations(run), its.generations, its.insights, its.end
+    return end(run), its.generations, its.end
 
 
 def _headline(said: dict[str, Any]) -> dict[str, Any]:

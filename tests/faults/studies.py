@@ -4,14 +4,13 @@ import math
 import random
 import resource
 import time
-import traceback
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 from typer.testing import CliRunner
 
-from faults.table import Trial
+from faults.table import Trial, unforeseen
 from mfopt.cli import app
 
 LONGEST_S = 10.0  # [s] of one check
@@ -26,7 +25,7 @@ ODD: tuple[Any, ...] = (
 
 
 def trials(
-    folder: Path, studies: list[dict[str, Any]], seed: int, numbers: range
+    folder: Path, studies: list[dict[str, Any]], seed: int, numbers: Iterable[int]
 ) -> Iterator[Trial]:
     """Check fuzzed studies, every second one valid TOML, all in this process."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -52,9 +51,9 @@ def _checked(path: Path) -> str | None:
     done = CliRunner().invoke(app, ["check", str(path)])
     took_s = time.monotonic() - began
     if done.exception is not None and not isinstance(done.exception, SystemExit):
-        return "".join(traceback.format_exception(done.exception))[-1500:]
+        return unforeseen(done.exception)
     if "Traceback" in done.output or "bug of mfopt" in done.output:
-        return f"traceback: {done.output[-1500:]}"
+        return f"traceback: {done.output[-600:]}"
     if done.exit_code not in (0, 2) or (done.exit_code and "error: " not in done.stderr):
         return f"exit code {done.exit_code}: {done.output[-500:]}"
     return f"{took_s:.0f} s" if took_s > LONGEST_S else None
@@ -92,7 +91,8 @@ def _change(choose: random.Random, study: dict[str, Any]) -> None:
     elif how == "left out":
         del where[key]
     elif isinstance(where, dict):
-        where[choose.choice(["", key + "s", key[:-1], "name", "é"])] = _copy(where[key])
+        name = choose.choice(["", f"{key}s", str(key)[:-1], "name", "é"])
+        where[name] = _copy(where[key])
     else:
         where.append(_copy(where[key]))
 

@@ -1,5 +1,6 @@
 """What was tried, and what became of it."""
 
+import traceback
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -26,3 +27,8 @@ def table(trials: Sequence[Trial]) -> str:
 def losses(trials: Sequence[Trial]) -> list[str]:
     """A line for each trial that was lost."""
     return [f"{t.kind}: {t.case}: {t.loss}" for t in trials if t.loss is not None]
+
+
+def unforeseen(error: BaseException) -> str:
+    """An exception that came through, and the last places that it came from."""
+    return "traceback: " + "".join(traceback.format_exception(error, limit=-2, chain=False))

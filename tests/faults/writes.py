@@ -9,8 +9,8 @@ from pathlib import Path
 from faults.campaign import (
     COMMANDS,
     Campaign,
+    End,
     Ended,
-    Evaluations,
     complaint,
     difference,
     new_campaign,
@@ -38,7 +38,7 @@ def cases(folder: Path, study: str) -> list[Case]:
     return found
 
 
-def trial(folder: Path, study: str, wanted: Evaluations, case: Case) -> Trial:
+def trial(folder: Path, study: str, wanted: End, case: Case) -> Trial:
     """Let one write fail; then the run must resume to the undisturbed end."""
     role, number, error = case
     campaign, told = new_campaign(folder, study), folder / "told"
@@ -51,10 +51,10 @@ def trial(folder: Path, study: str, wanted: Evaluations, case: Case) -> Trial:
     return Trial(name, f"write {number}, {failed}", loss)
 
 
-def _loss(campaign: Campaign, wrong: str | None, code: int, wanted: Evaluations) -> str | None:
+def _loss(campaign: Campaign, wrong: str | None, code: int, wanted: End) -> str | None:
     if wrong is not None:
         return wrong
-    if code == 0 and (wrong := difference(campaign.evaluations(), wanted)) is not None:
+    if code == 0 and (wrong := difference(campaign.end(), wanted)) is not None:
         return f"went on, but {wrong}"
     kept = campaign.journal()
     if (wrong := resumes(campaign, wanted)) is not None:

@@ -24,7 +24,7 @@ _count = 0
 
 def _tick(what: str, path: object) -> None:
     global _count
-    if ROLE != FAULT["role"]:
+    if FAULT["role"] != ROLE:
         return
     _count += 1
     flags = os.O_WRONLY | os.O_CREAT | (os.O_APPEND if FAULT["number"] == 0 else os.O_EXCL)
@@ -97,7 +97,7 @@ def _counted_write(fd: int, data: Any) -> int:
 
 
 if FAULT is not None:
-    builtins.open = io.open = _counted_open  # type: ignore[assignment]
+    builtins.open = io.open = _counted_open
     os.open, os.write = _counted_os_open, _counted_write
     for called in ("fsync", "ftruncate", "truncate", "mkdir"):
         _counted(called)
