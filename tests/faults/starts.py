@@ -13,8 +13,6 @@ from multiprocessing.connection import Connection
 from multiprocessing.synchronize import Barrier
 from pathlib import Path
 
-from mfopt.lock import held
-
 from faults.campaign import (
     TIME_LIMIT_S,
     Campaign,
@@ -26,12 +24,13 @@ from faults.campaign import (
 )  # fmt: skip
 from faults.table import Trial
 from mfopt.errors import ConfigError
+from mfopt.lock import held
 
 # Everything loaded, it says so and waits for its standard input to be closed.
 WAITING = """
 import sys
 from mfopt.__main__ import main
-import mfopt.cli, mfopt.run
+import mfopt.commands.app, mfopt.run
 print("ready", flush=True)
 sys.stdin.read()
 main()

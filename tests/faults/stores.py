@@ -14,7 +14,7 @@ from typer.testing import CliRunner, Result
 
 from faults.campaign import End, end
 from faults.table import Trial, unforeseen
-from mfopt.cli import app
+from mfopt.commands.app import app
 from mfopt.errors import ConfigError
 from mfopt.evaluation import Generation
 from mfopt.store import open_run

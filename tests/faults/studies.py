@@ -11,7 +11,7 @@ from typing import Any
 from typer.testing import CliRunner
 
 from faults.table import Trial, unforeseen
-from mfopt.cli import app
+from mfopt.commands.app import app
 
 LONGEST_S = 10.0  # [s] of one check
 MOST_MEMORY = 1e9  # [bytes] that the process may come to hold beyond what it holds at first
