@@ -14,10 +14,11 @@ from mfopt.begin import begin
 from mfopt.cmaes import CmaEs
 from mfopt.errors import ConfigError, MfoptError
 from mfopt.evaluation import Evaluation
-from mfopt.executor import Runner, local_processes, one_thread
+from mfopt.executor import Runner, one_thread
 from mfopt.function_level import FunctionLevel, Simulator
 from mfopt.header import header
 from mfopt.level import Ladder, Level
+from mfopt.local_workers import local_processes
 from mfopt.problem import Constraint, Problem, Variable
 from mfopt.run import run_study
 from mfopt.search import Reevaluate, Search, Stage, default_population_size, rungs, window
@@ -115,6 +116,8 @@ def minimize(
             sigma=sigma, population_size=population_size, seeds=seeds,
         )  # fmt: skip
     runner = Runner(local_processes(workers) if workers > 1 else one_thread)
+    if workers > 1:
+        runner.check(ladder)
     with tempfile.TemporaryDirectory(prefix="mfopt-") as scratch:
         path = Path(directory) if directory is not None else Path(scratch) / "run"
         with writing(path):

@@ -2,29 +2,33 @@
 
 Everything goes through `concurrent.futures.Executor`. A worker process that dies takes
 its pool with it; the pool is made anew and what was lost is run once more. A run that kills
-its worker a second time, alone, is recorded as crashed.
+its worker a second time, alone, is recorded as crashed. Where no worker can start, or a cluster
+is lost, the study ends: no run is to blame.
 """
 
 import concurrent.futures as cf
-import ctypes
-import multiprocessing
-import os
+import pickle
 import signal
 import tempfile
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from mfopt.errors import ConfigError
+from mfopt.errors import ConfigError, SimulationError
 from mfopt.evaluation import Candidate
 from mfopt.files import full_disk_named
 from mfopt.level import Ladder, Level
-from mfopt.outcome import Outcome
+from mfopt.local_workers import LocalPool
+from mfopt.outcome import Outcome, checked, plain
 
 MakeExecutor = Callable[[], cf.Executor]
-PR_SET_PDEATHSIG = 1  # prctl(2)
+TO_BE_LOADED = (
+    "define the function with `def` at the top of a module (a .py file), not as a lambda, inside "
+    "another function or at a prompt; or use workers = 1"
+)
 
 
 @dataclass(slots=True)
@@ -45,6 +49,36 @@ class Runner:
     _running: dict[cf.Future[Outcome], _Job] = field(default_factory=dict)
     _suspects: list[_Job] = field(default_factory=list)  # died twice in company: alone next
 
+    def check(self, ladder: Ladder) -> None:
+        """See that worker processes start and can load the levels, before anything is run.
+
+        Raises:
+            ConfigError: if a level cannot be sent to a worker, or not be loaded there.
+            SimulationError: if no worker can start.
+        """
+        try:
+            for level in ladder:
+                if (why := self._why_not_loaded(level)) is not None:
+                    raise ConfigError(
+                        f"level {level.name!r} cannot be loaded by a worker process ({why}); "
+                        f"{TO_BE_LOADED}"
+                    )
+        except BaseException:
+            self.close()
+            raise
+
+    def _why_not_loaded(self, level: Level) -> str | None:
+        try:
+            text = pickle.dumps(level)
+        except Exception as error:
+            return plain(f"{type(error).__name__}: {error}")
+        self._executor = self._executor or self.make()
+        try:
+            return self._executor.submit(_loading_fails, text).result()
+        except BrokenProcessPool:
+            self._raise_if_none_started()
+            return "the process died of it"
+
     def submit(self, ladder: Ladder, candidate: Candidate) -> None:
         """Start a run, or queue it behind those that are running."""
         self._start(_Job(candidate, ladder[candidate.level]))
@@ -60,6 +94,7 @@ class Runner:
             try:
                 outcome = _result(future, job.candidate)
             except BrokenProcessPool:
+                self._raise_if_none_started()
                 if len(self._running) == 1 and job.deaths > 1:
                     self.close()
                     why = "the worker process died again and again while running this design"
@@ -82,9 +117,6 @@ class Runner:
         """End the workers, and at once what they are running."""
         self._running = {}
         if self._executor is not None:
-            # Python 3.14 calls this `kill_workers`; other executors have no processes here.
-            for worker in list((getattr(self._executor, "_processes", None) or {}).values()):
-                worker.kill()
             self._executor.shutdown(cancel_futures=True)
             self._executor = None
 
@@ -93,9 +125,17 @@ class Runner:
         try:
             future = self._executor.submit(evaluate, job.level, job.candidate.x, job.candidate.seed)
         except BrokenProcessPool:
+            self._raise_if_none_started()
             self._start_again(job)
         else:
             self._running[future] = job
+
+    def _raise_if_none_started(self) -> None:
+        """The pool is broken: if no worker of it could start, none will."""
+        if isinstance(self._executor, LocalPool):
+            error = self._executor.why_not_started()
+            if error is not None:
+                raise error from None
 
     def _start_again(self, also: _Job | None = None) -> None:
         """A worker died and took all with it: once more together, then one by one."""
@@ -110,87 +150,49 @@ class Runner:
 
 
 def evaluate(level: Level, x: Any, seed: int) -> Outcome:
-    """Evaluate in a worker; an unexpected exception of a level is a crashed run.
+    """Evaluate in a worker; whatever a level raises is a crashed run.
 
     Raises:
         ConfigError: if no level could run here: a missing program, a full disk.
     """
     try:
         with full_disk_named(Path(tempfile.gettempdir())):
-            return level.evaluate(x, seed=seed)
+            return checked(level.evaluate(x, seed=seed), x, level.name, seed)
     except ConfigError:
         raise
-    except Exception as error:
-        return Outcome(x, level.name, seed, "crashed", f"{type(error).__name__}: {error}")
+    except BaseException as error:  # SystemExit too: it would end this process
+        if isinstance(error, KeyboardInterrupt) and _interruptible():
+            raise
+        why = plain(f"{type(error).__name__}: {error}")
+        return Outcome(x, level.name, seed, "crashed", why)
+
+
+def _interruptible() -> bool:
+    """Whether a Ctrl-C at the terminal raises its exception here."""
+    here = threading.current_thread() is threading.main_thread()
+    return here and signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def _loading_fails(text: bytes) -> str | None:
+    """In a worker: why this level cannot be loaded, or None. It comes from this same program."""
+    try:
+        pickle.loads(text)
+    except BaseException as error:
+        return plain(f"{type(error).__name__}: {error}")
+    return None
 
 
 def _result(future: cf.Future[Outcome], candidate: Candidate) -> Outcome:
     try:
         return future.result()
-    except (ConfigError, BrokenProcessPool):
+    except (ConfigError, SimulationError, BrokenProcessPool):
         raise
     except Exception as error:  # a cluster's own: the worker was lost, the answer unreadable
-        return _crashed(candidate, f"{type(error).__name__}: {error}")
+        return _crashed(candidate, plain(f"{type(error).__name__}: {error}"))
 
 
 def _crashed(candidate: Candidate, why: str) -> Outcome:
     return Outcome(candidate.x, candidate.level, candidate.seed, "crashed", why)
-
-
-def local_processes(workers: int) -> MakeExecutor:
-    """Local worker processes; they die with this process, however it dies."""
-
-    def make() -> cf.Executor:
-        return cf.ProcessPoolExecutor(
-            workers,
-            mp_context=multiprocessing.get_context("spawn"),
-            initializer=_die_with,
-            initargs=(os.getpid(),),
-        )
-
-    return make
-
-
-def _die_with(parent: int) -> None:
-    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides what an interrupt means
-    if os.getppid() != parent:
-        os.kill(os.getpid(), signal.SIGKILL)
-
-
-def dask_cluster(address: str) -> MakeExecutor:
-    """Workers of the Dask scheduler at `address`, e.g. `tcp://10.0.0.1:8786`.
-
-    Raises:
-        ConfigError: if Dask is missing, or no scheduler answers.
-    """
-    try:
-        from distributed import Client
-    except ImportError as error:
-        raise ConfigError("a scheduler needs Dask: pip install 'mfopt[cluster]'") from error
-
-    def make() -> cf.Executor:
-        try:
-            return _Cluster(Client(address, timeout="10s"))  # type: ignore[no-untyped-call]
-        except (OSError, ValueError) as error:
-            raise ConfigError(f"no Dask scheduler answers at {address}: {error}") from error
-
-    return make
-
-
-class _Cluster(cf.Executor):
-    """Dask's own executor, and the connection behind it, which that leaves open."""
-
-    def __init__(self, client: Any) -> None:
-        self._client = client
-        self._executor: cf.Executor = client.get_executor(pure=False)
-
-    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> cf.Future[Any]:
-        return self._executor.submit(fn, *args, **kwargs)
-
-    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        self._executor.shutdown(wait)
-        self._client.close()
 
 
 def one_thread() -> cf.Executor:

@@ -9,12 +9,14 @@ from rich.console import Console
 
 from fidelity.assemble import Assembled, assemble
 from mfopt.begin import begin, begin_reference, check_disk
+from mfopt.cluster import dask_cluster
 from mfopt.commands.report import write_reports
 from mfopt.commands.shared import AsJson, Quiet, StudyFile, console
 from mfopt.commands.status import print_result
-from mfopt.executor import Runner, dask_cluster, local_processes
+from mfopt.executor import Runner
 from mfopt.files import full_disk_named
 from mfopt.header import header
+from mfopt.local_workers import local_processes
 from mfopt.search import Search, rungs, window
 from mfopt.store import RunDirectory, writing
 from mfopt.study import Study, read_study

@@ -4,15 +4,18 @@ import signal
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from mfopt.arrays import Array
+from mfopt.cluster import dask_cluster
 from mfopt.errors import ConfigError
 from mfopt.evaluation import Candidate
-from mfopt.executor import MakeExecutor, Runner, dask_cluster, local_processes, one_thread
+from mfopt.executor import MakeExecutor, Runner, evaluate, one_thread
 from mfopt.level import Ladder
+from mfopt.local_workers import local_processes
 from mfopt.outcome import Outcome
 
 
@@ -92,7 +95,73 @@ def test_a_full_disk_stops_the_study_instead_of_failing_its_runs(tmp_path: Path)
     runner.close()
 
 
-def test_missing_scheduler_is_named() -> None:
+def test_missing_scheduler_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed", reason="needs the extra `cluster`")
+    monkeypatch.setattr("mfopt.cluster.CONNECT_S", 0.5)
     with pytest.raises(ConfigError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:9"):
         dask_cluster("tcp://127.0.0.1:9")()
+
+
+@dataclass(frozen=True)
+class Raises:
+    """A level that raises what it is given, or returns it."""
+
+    it: object
+    name: str = "lethal"
+
+    def work(self, x: Array) -> float:
+        return 1.0
+
+    def evaluate(self, x: Array, *, seed: int) -> Outcome:
+        if isinstance(self.it, BaseException):
+            raise self.it
+        return cast(Outcome, self.it)
+
+
+@pytest.mark.parametrize("error", [SystemExit(0), KeyboardInterrupt(), GeneratorExit()])
+@pytest.mark.parametrize("make", [one_thread, local_processes(1)], ids=["thread", "process"])
+def test_whatever_a_level_raises_is_a_crashed_run(make: MakeExecutor, error: BaseException) -> None:
+    runner = Runner(make)
+    done = [o for _, o in runner.run(Ladder((Raises(error),)), candidates(1.0, 2.0))]
+    runner.close()
+    assert [o.status for o in done] == ["crashed", "crashed"]
+    assert type(error).__name__ in str(done[0].why)
+
+
+def test_an_interrupt_at_the_terminal_still_interrupts() -> None:
+    with pytest.raises(KeyboardInterrupt):
+        evaluate(Raises(KeyboardInterrupt()), np.zeros(1), 1)
+
+
+def outcome(**its: Any) -> Outcome:
+    return Outcome(np.zeros(1), "lethal", 1, **({"status": "finished"} | its))
+
+
+@pytest.mark.parametrize(
+    ("returned", "words"),
+    [
+        (None, "NoneType"),
+        (outcome(status="fine"), "'fine'"),
+        (outcome(raw={"a/b": np.zeros(1)}), "a/b"),
+        (outcome(raw={"\ud800": np.zeros(1)}), "letters"),
+        (outcome(raw={"f": "0.5"}), "no numbers"),
+        (outcome(raw={"f": [[1], [2, 3]]}), "inhomogeneous"),
+        (outcome(raw={"f": object()}), "no numbers"),
+        (outcome(raw=None), "items"),
+        (outcome(work=1e300), "1e+30"),
+        (outcome(work=float("nan")), "work"),
+        (outcome(work="much"), "much"),
+        (outcome(cpu_s=-1.0), "cpu_s"),
+    ],
+)
+def test_an_outcome_that_no_store_could_keep_is_a_crashed_run(returned: object, words: str) -> None:
+    made = evaluate(Raises(returned), np.zeros(1), 1)
+    assert made.status == "crashed"
+    assert words in str(made.why)
+
+
+def test_why_is_text_that_every_screen_and_file_can_show() -> None:
+    made = evaluate(Raises(ValueError("\x1b[31mred\0 \ud800\tend" + 10**6 * "n")), np.zeros(1), 1)
+    assert made.why is not None
+    assert made.why.startswith("ValueError: \ufffd[31mred\ufffd \ufffd\tend")
+    assert len(made.why) < 20_000
