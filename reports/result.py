@@ -56,7 +56,7 @@ def result(
         found = solutions(rows, levels, 1, insights)
         if not found:
             return None
-        return Result(found[0], (), baseline, None, None, _belief(found[0].x, insights))
+        return Result(found[0], (), baseline, None, None, _belief(found[0].x, insights, rows))
     its = tuple(r for r in confirmed if np.array_equal(r.x, confirmed[-1].x))
     search = (
         r
@@ -69,13 +69,15 @@ def result(
         baseline,
         compare(its, baseline, lambda r: r.value),
         compare(its, baseline, _filling_time),
-        _belief(its[0].x, insights),
+        _belief(its[0].x, insights, rows),
     )
 
 
-def _belief(x: Array, insights: Sequence[Insight]) -> Insight | None:
-    """The latest insight that recommends the design `x` (d,)."""
-    return next((i for i in reversed(insights) if np.array_equal(i.best, x)), None)
+def _belief(x: Array, insights: Sequence[Insight], rows: Sequence[Row]) -> Insight | None:
+    """The latest insight that recommends the design `x` (d,), for a level that has run."""
+    ran = {row.level for row in rows if row.finished}
+    latest = reversed([i for i in insights if i.level in ran])
+    return next((i for i in latest if np.array_equal(i.best, x)), None)
 
 
 def _filling_time(row: Row) -> float:

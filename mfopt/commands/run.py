@@ -1,6 +1,7 @@
 """`mfopt run`: search, confirmation and reports of a study."""
 
 import os
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,6 +14,7 @@ from mfopt.cluster import dask_cluster
 from mfopt.commands.report import write_reports
 from mfopt.commands.shared import AsJson, Quiet, StudyFile, console
 from mfopt.commands.status import print_result
+from mfopt.errors import SimulationError
 from mfopt.executor import Runner
 from mfopt.files import full_disk_named
 from mfopt.header import header
@@ -69,6 +71,25 @@ def run(
     print_result(path, on, as_json=as_json)
     own, simulators = display.cpu()
     on.print(f"mfopt itself took {own:.1f} s of CPU, {own / (own + simulators):.1%} of all")
+    _demand_result(into, parts.ladder.top.name)
+
+
+def _demand_result(run: RunDirectory, target: str) -> None:
+    """Make sure that a run at the target level finished.
+
+    Raises:
+        SimulationError: if none did; with the commonest reason.
+    """
+    made = [e.outcome for e in run.evaluations()]
+    there = [outcome for outcome in made if outcome.level == target]
+    if any(outcome.finished for outcome in there):
+        return
+    reasons = Counter(outcome.why for outcome in there or made if not outcome.finished)
+    often = f", most often so:\n{reasons.most_common(1)[0][0]}" if reasons else ""
+    raise SimulationError(
+        f"there is no result: none of {len(there)} runs at the target level {target!r} finished; "
+        f"{sum(not outcome.finished for outcome in made)} of {len(made)} runs failed{often}"
+    )
 
 
 def _search(study: Study, parts: Assembled) -> Search:

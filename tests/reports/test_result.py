@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mfopt.evaluation import Insight
 from reports.result import best_at, compare, result, solutions, typical_first
 from reports.rows import Row
 from reports.sentence import sentence
@@ -74,6 +75,21 @@ def test_the_typical_first_design_is_the_median_of_its_generation() -> None:
     typical = typical_first(rows)
     assert typical is not None
     assert typical.value == 3.0
+
+
+def test_nothing_is_believed_of_a_level_without_a_finished_run() -> None:
+    x = np.array([3.0])
+    rows = [row(0, 0.5, x=x), row(1, math.inf, x=x, level="fine", status="crashed")]
+    insights = [
+        Insight(number, 1.0, 1, level, (3.0,), 0.4, 0.1)
+        for number, level in enumerate(["coarse", "fine"], start=1)
+    ]
+    found = result(rows, LEVELS, insights)
+    assert found is not None
+    assert found.belief is insights[0]
+    found = result([*rows, row(2, 0.6, x=x, level="fine")], LEVELS, insights)
+    assert found is not None
+    assert found.belief is insights[1]
 
 
 @pytest.mark.parametrize(("left", "words"), [(1.0, "1 grain stays"), (2.0, "2 grains stay")])
