@@ -1,10 +1,39 @@
 """Every run that a search was told of, one row a run."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from mfopt.arrays import Array, IntArray, frozen
+from mfopt.arrays import AnyArray, Array, IntArray
+
+FIRST_ROOM = 64  # rows
+
+
+@dataclass(slots=True)
+class _Rows:
+    """Room for runs that several archives share, each looking at the first so many rows."""
+
+    columns: tuple[AnyArray, ...]  # (room, ...) as the fields of an archive
+    used: int = 0
+
+    @classmethod
+    def empty(cls, room: int, d: int, c: int) -> "_Rows":
+        return cls(
+            (np.empty((room, d)), np.empty(room, dtype=np.int64), np.empty(room, dtype=np.int64),
+             np.empty(room), np.empty((room, c)))
+        )  # fmt: skip
+
+    def append(self, *row: object) -> None:
+        for column, value in zip(self.columns, row, strict=True):
+            column[self.used] = value
+        self.used += 1
+
+    def archive(self) -> "Archive":
+        views = [column[: self.used] for column in self.columns]
+        for view in views:
+            view.flags.writeable = False
+        z, level, seed, value, counts = views
+        return Archive(z, level, seed, value, counts, self)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,26 +53,33 @@ class Archive:
     seed: IntArray
     value: Array
     counts: Array
+    _rows: _Rows = field(repr=False)
 
     @classmethod
     def empty(cls, d: int) -> "Archive":
         """An archive of no run of `d` variables."""
-        none = np.empty(0, dtype=np.int64)
-        return cls(np.empty((0, d)), none, none, np.empty(0), np.empty((0, 0)))
+        return _Rows.empty(0, d, 0).archive()
 
     def __len__(self) -> int:
         return len(self.value)
 
     def added(self, z: Array, level: int, seed: int, value: float, counts: Array) -> "Archive":
-        """This archive with one run more; `counts` (c,) has as many terms in every run."""
-        before = self.counts if len(self) else np.empty((0, len(counts)))
-        return Archive(
-            frozen(np.vstack([self.z, z])),
-            np.append(self.level, level),
-            np.append(self.seed, seed),
-            frozen(np.append(self.value, value)),
-            frozen(np.vstack([before, counts])),
-        )
+        """This archive with one run more; `counts` (c,) has as many terms in every run.
+
+        The rows are shared with the archive that is returned. They are copied only where there is
+        no room, or where a run was added to this archive before: a constant cost a run.
+        """
+        rows, n = self._rows, len(self)
+        if rows.used != n or n == len(rows.columns[0]):
+            rows = _Rows.empty(max(FIRST_ROOM, 2 * n), len(z), len(counts))
+            for column, known in zip(
+                rows.columns, (self.z, self.level, self.seed, self.value, self.counts), strict=True
+            ):
+                if n:
+                    column[:n] = known
+            rows.used = n
+        rows.append(z, level, seed, value, counts)
+        return rows.archive()
 
     @property
     def finished(self) -> int:

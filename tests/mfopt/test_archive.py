@@ -17,6 +17,24 @@ def test_runs_are_kept_in_order_and_read_only() -> None:
         more.z[0, 0] = 5.0
 
 
+def test_an_archive_does_not_see_what_is_added_to_it() -> None:
+    one = Archive.empty(1).added(np.array([0.1]), 0, 1, 1.0, np.array([0.0]))
+    left, right = (one.added(np.array([z]), 0, 1, z, np.array([z])) for z in (0.2, 0.3))
+    assert (one.z.tolist(), left.z.tolist(), right.z.tolist()) == (
+        [[0.1]], [[0.1], [0.2]], [[0.1], [0.3]],
+    )  # fmt: skip
+    assert left.added(np.array([0.4]), 0, 1, 4.0, np.array([0.0])).value.tolist() == [1.0, 0.2, 4.0]
+
+
+def test_rows_are_copied_only_where_their_number_has_doubled() -> None:
+    its, copies, n = Archive.empty(2), 0, 4000
+    for number in range(n):
+        before, its = its, its.added(np.zeros(2), 0, 1, float(number), np.zeros(1))
+        copies += not np.shares_memory(before.value, its.value)
+    assert copies < 2 + np.log2(n)
+    np.testing.assert_array_equal(its.value, np.arange(n))
+
+
 A, B = np.array([0.1, 0.2]), np.array([0.3, 0.4])
 
 
