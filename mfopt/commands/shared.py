@@ -3,7 +3,6 @@
 import errno
 import math
 import traceback
-import unicodedata
 from collections.abc import Callable
 from functools import wraps
 from importlib import metadata
@@ -15,6 +14,7 @@ from rich.console import Console
 
 from mfopt.arrays import Array, frozen
 from mfopt.errors import ConfigError, MfoptError
+from mfopt.outcome import plain
 from mfopt.problem import Problem
 from mfopt.settings import nearest
 from mfopt.store import open_run
@@ -73,7 +73,7 @@ def exit_codes(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def _stop(message: str, code: int) -> None:
-    typer.echo(f"error: {printable(message)}", err=True)
+    typer.echo(f"error: {plain(message)}", err=True)
     raise typer.Exit(code)
 
 
@@ -81,15 +81,6 @@ def _about_file(error: OSError) -> str:
     """What the system says of a file or directory, in one line."""
     where = f"{error.filename}: " if error.filename is not None else ""
     return f"{where}{error.strerror or error}; check the path, its permissions and its disk"
-
-
-def printable(text: str) -> str:
-    """The text with its control characters written out: a terminal would obey them."""
-    kept = "\n\t"
-    return "".join(
-        c if c in kept or unicodedata.category(c) != "Cc" else c.encode("unicode_escape").decode()
-        for c in text
-    )
 
 
 def chosen_design(problem: Problem, settings: list[str], best_of: Path | None) -> Array:

@@ -11,7 +11,7 @@ import typer
 from typer.testing import CliRunner
 
 from mfopt.commands.app import app
-from mfopt.commands.shared import exit_codes, printable
+from mfopt.commands.shared import exit_codes
 from mfopt.errors import ConfigError, SimulationError
 
 
@@ -55,8 +55,10 @@ def test_version() -> None:
     assert re.fullmatch(r"mfopt \d+\.\d+\.\d+\n", done.stdout)
 
 
-def test_control_characters_are_written_out() -> None:
-    assert printable("a\x1b[31m\0b\n") == "a\\x1b[31m\\x00b\n"
+def test_a_message_holds_no_control_characters() -> None:
+    _, said = ended(ConfigError("a\x1b[31m\0b"))
+    assert "\x1b" not in said
+    assert "\0" not in said
 
 
 def run(code: Sequence[str], **environment: str) -> "subprocess.CompletedProcess[str]":
