@@ -38,8 +38,10 @@ def geometry(
         for name, mesh in meshes.items():
             write_stl(directory / f"{name}.stl", mesh)
         write_gltf(directory / "machine.glb", meshes)
+        wrote = [f"{', '.join(f'{name}.stl' for name in meshes)} in mm", "machine.glb in m"]
         if step:
             write_step(directory / "hopper.step", machine.loft, machine.tube_end_z)
+            wrote.append("hopper.step in mm")
     for sentence in manufacturability(machine.loft).sentences():
         screen.print(sentence)
-    screen.print(f"wrote {', '.join(sorted(p.name for p in directory.iterdir()))} to {directory}")
+    screen.print(f"wrote to {directory}: {'; '.join(wrote)}")

@@ -23,10 +23,12 @@ def test_stl_is_the_mesh_in_millimetres(tmp_path: Path) -> None:
     mesh = passage(CURVED, TUBE_END, 0.001, closed=True)
     write_stl(tmp_path / "passage.stl", mesh)
     content = (tmp_path / "passage.stl").read_bytes()
+    assert content[:80].rstrip() == b"mfopt, millimetres"
     assert struct.unpack("<I", content[80:84])[0] == len(mesh.triangles)
     read = trimesh.load(tmp_path / "passage.stl")
     assert read.is_watertight
     assert read.volume == pytest.approx(1e9 * volume(mesh), rel=1e-5)
+    assert read.bounds[:, 2] == pytest.approx([1e3 * TUBE_END, 0.0], abs=1e-3)
     assert list(tmp_path.iterdir()) == [tmp_path / "passage.stl"]  # nothing left aside
 
 
@@ -71,6 +73,7 @@ def test_step_holds_the_volume_of_the_mesh(
 ) -> None:
     pytest.importorskip("OCP.collections", reason="needs the extra `cad`")
     write_step(tmp_path / "hopper.step", loft, TUBE_END)
+    assert "SI_UNIT(.MILLI.,.METRE.)" in (tmp_path / "hopper.step").read_text()
     assert capfd.readouterr().out == ""  # the CAD kernel stays silent
     fine = volume(passage(loft, TUBE_END, 0.0001, closed=True))
     # The mesh is inscribed in the corners: up to 2/3 sagitta x perimeter / area, 0.2 % here.

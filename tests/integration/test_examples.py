@@ -82,6 +82,7 @@ def test_init_writes_a_study_that_is_valid(tmp_path: Path) -> None:
 def test_geometry_writes_what_a_workshop_needs(tmp_path: Path) -> None:
     said = mfopt("geometry", "examples/rice-quick.toml", "-d", tmp_path, "--set", "l1=150")
     assert "vertical" in said
+    assert "hopper.stl, tube.stl in mm; machine.glb in m" in said
     for name in ("hopper.stl", "cup.stl", "machine.glb"):
         assert (tmp_path / name).stat().st_size > 1000
 
