@@ -11,8 +11,7 @@ import hashlib
 import json
 import logging
 import math
-import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -25,6 +24,7 @@ from geometry.mesh import Mesh
 from geometry.parts import Cup, cup_wall
 from mfopt.array_file import read_arrays, write_arrays
 from mfopt.arrays import AnyArray, frozen
+from mfopt.cache import cache_directory
 from mfopt.errors import ConfigError, SimulationError
 
 METHOD = 2  # counted up when packings are made differently, so that old ones are not used
@@ -67,10 +67,13 @@ class Settled:
     work: float = 0.0  # likewise [sphere-steps times the engine's cost factor]
 
 
-def default_cache(environment: Mapping[str, str] | None = None) -> Path:
-    """Where settled packings are kept: `$XDG_CACHE_HOME/mfopt/packings`, or below `~/.cache`."""
-    base = (os.environ if environment is None else environment).get("XDG_CACHE_HOME")
-    return (Path(base) if base else Path.home() / ".cache") / "mfopt" / "packings"
+def default_cache() -> Path:
+    """Where settled packings are kept: in the user's cache.
+
+    Raises:
+        ConfigError: if no cache takes files.
+    """
+    return cache_directory() / "packings"
 
 
 def settled_packing(engine: Engine, order: Order, cache: Path, *, time_limit_s: float) -> Settled:
@@ -79,7 +82,6 @@ def settled_packing(engine: Engine, order: Order, cache: Path, *, time_limit_s: 
     Raises:
         SimulationError: if the grains cannot be settled; the message says what happened.
     """
-    cache.mkdir(parents=True, exist_ok=True)
     path = cache / f"{digest(engine, order)}.h5"
     kept = _read(path, order)
     if kept is not None:
@@ -89,7 +91,10 @@ def settled_packing(engine: Engine, order: Order, cache: Path, *, time_limit_s: 
         if kept is not None:
             return Settled(kept)
         made = _settle(engine, order, time_limit_s)
-        write_arrays(path, _with_checksum(made.packing))
+        try:
+            write_arrays(path, _with_checksum(made.packing))
+        except ConfigError as error:  # it serves this run all the same
+            log.warning("a settled packing cannot be kept, and is made again: %s", error)
         return made
 
 
@@ -200,7 +205,10 @@ def _read(path: Path, order: Order) -> Packing | None:
 
 @contextlib.contextmanager
 def _only_one(path: Path) -> Iterator[None]:
-    """Hold a lock that dies with its process; others wait."""
-    with open(path, "w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
+    """Hold a lock that dies with its process; others wait. Where there are no locks, all go on."""
+    with contextlib.ExitStack() as stack:
+        with contextlib.suppress(OSError):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            lock = stack.enter_context(open(path, "w"))
+            fcntl.flock(lock, fcntl.LOCK_EX)
         yield

@@ -8,6 +8,7 @@ from typing import Annotated
 from pydantic import AfterValidator, Field
 
 from mfopt.names import file_name, shown, word
+from mfopt.outcome import LARGEST_WORK, SMALLEST_WORK
 
 Name = Annotated[str, AfterValidator(shown)]
 FileName = Annotated[str, AfterValidator(file_name)]
@@ -29,7 +30,7 @@ MOST_LEVELS = 50
 MOST_STAGES = 1000
 
 Bound = Annotated[float, Field(ge=-1e100, le=1e100)]  # of a variable, in its unit
-Work = Annotated[float, Field(ge=1e-12, le=1e18)]  # of a run, in any unit
+Work = Annotated[float, Field(ge=SMALLEST_WORK, le=LARGEST_WORK)]  # of a run, in any unit
 TimeLimit = Annotated[float, Field(ge=0.1, le=1e8)]  # [s] up to three years
 
 Grains = Annotated[int, Field(ge=1, le=1_000_000)]

@@ -15,7 +15,7 @@ LONGEST_NAME = 100  # characters of an array's name
 LONGEST_WHY = 10_000  # characters; the rest of a longer one is left out
 # A real run takes 1e5 to 1e13 sphere-steps. Beyond these limits sums and quotients of work would
 # leave the range of numbers.
-SMALLEST_WORK, LARGEST_WORK = 1e-30, 1e30
+SMALLEST_WORK, LARGEST_WORK = 1e-12, 1e18
 
 
 @dataclass(frozen=True, slots=True, eq=False)

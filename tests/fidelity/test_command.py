@@ -81,7 +81,7 @@ def test_an_answer_may_span_lines() -> None:
         (f"""echo '{{"f": 1{"0" * 400}}}'""", ["f", "neither a number"]),
         (f"""echo '{{"f": 1, "t": {"[" * 500}1{"]" * 500}}}'""", ["t", "neither a number"]),
         (f"""echo '{{"f": {"[" * 9000}1{"]" * 9000}}}'""", ["JSON object"]),
-        ("""echo '{"f": 1, "work": 1e300}'""", ["work", "1e+30"]),
+        ("""echo '{"f": 1, "work": 1e300}'""", ["work", "1e+18"]),
         ("""echo '{"f": 1, "work": "3"}'""", ["work", "neither a number"]),
         ("""echo '{"f": 1, "": 2}'""", ["name ''", "letters"]),
         ("""echo '{"f": 1, ".": 2}'""", ["name '.'", "letters"]),

@@ -10,7 +10,7 @@ import pytest
 from fidelity.bullet import BulletEngine
 from fidelity.dosing_run import packing_order
 from fidelity.engine import Grain, Material, Movement, Packing, Physics, Setup
-from fidelity.packing import Order, default_cache, digest, settled_packing
+from fidelity.packing import Order, digest, settled_packing
 from fidelity.portion import (
     depth_in_section,
     flaw,
@@ -198,6 +198,9 @@ def test_of_two_processes_one_makes_the_packing(engine: Still, tmp_path: Path) -
     assert engine.calls() == 1
 
 
-def test_cache_lies_where_the_desktop_standard_says() -> None:
-    assert default_cache({"XDG_CACHE_HOME": "/c"}) == Path("/c/mfopt/packings")
-    assert default_cache({}) == Path.home() / ".cache" / "mfopt" / "packings"
+def test_a_packing_that_no_disk_takes_is_used_all_the_same(
+    engine: Still, caplog: pytest.LogCaptureFixture
+) -> None:
+    settled_packing(engine, tall(ORDER), Path("/proc/packings"), time_limit_s=9)
+    assert engine.calls() == 1
+    assert "cannot be kept" in caplog.text
