@@ -47,8 +47,13 @@ class Ended:
 
     @property
     def killed(self) -> bool:
-        """Whether somebody else's signal, or a fault of its own memory, ended it."""
-        return not self.timed_out and (self.returncode is None or self.returncode < 0)
+        """Whether somebody else's signal, or a fault of its own memory, ended it.
+
+        A shell that the signal spared says so by 128 plus its number: sh(1).
+        """
+        code = self.returncode
+        by_signal = code is None or code < 0 or 128 < code <= 128 + signal.SIGRTMAX
+        return by_signal and not self.timed_out
 
 
 def run_logged(

@@ -126,6 +126,12 @@ def test_killed_child_is_run_once_more(tmp_path: Path) -> None:
     assert (ended.returncode, ended.last_lines) == (0, "fine")
 
 
+def test_a_program_killed_inside_a_shell_is_run_once_more(tmp_path: Path) -> None:
+    inner = "if [ -e tried ]; then echo fine; else touch tried; kill -9 $$; fi"
+    ended = run_logged(sh(f"sh -c '{inner}'; exit $?"), directory=tmp_path, time_limit_s=60.0)
+    assert (ended.returncode, ended.last_lines.splitlines()[-1]) == (0, "fine")
+
+
 def test_child_killed_twice_is_reported(tmp_path: Path) -> None:
     script = "echo try >> tries; kill -9 $$"
     ended = run_logged(sh(script), directory=tmp_path, time_limit_s=60.0)
