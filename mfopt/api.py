@@ -101,6 +101,7 @@ def minimize(
         size = population_size or default_population_size(problem.dimension)
         plan = _plan(ladder, generations, size, sigma, seeds, reevaluate)
         search = CmaEs(problem, plan, seed=seed)
+
     else:
         if reevaluate != "none":
             raise ConfigError(
@@ -127,7 +128,7 @@ def minimize(
             )  # fmt: skip
             run = begin(path, "", now, resume=True)
             best = run_study(
-                problem, ladder, search, runner, run, confirm_on=ladder, confirm_seeds=0,
+                problem, ladder, lambda _: search, runner, run, confirm_on=ladder, confirm_seeds=0,
                 window=window(run.header["workers"]),
             )  # fmt: skip
             evaluations = tuple(run.evaluations())

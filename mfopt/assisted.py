@@ -26,6 +26,7 @@ from mfopt.climbing import Standing, misled, validation_due, why_climb
 from mfopt.distribution import Distribution
 from mfopt.errors import ConfigError
 from mfopt.evaluation import Candidate, Generation, Insight
+from mfopt.phases import distinct
 from mfopt.plan import Plan
 from mfopt.prescreen import DECIDED, blurred, minimiser, thompson
 from mfopt.problem import Problem
@@ -56,6 +57,7 @@ class AssistedCmaEs:
         population_size: candidates per generation; 4 + 3 ln d if left out.
         objective: name of the objective that the values told belong to.
         seeds: simulation seeds that generations take turns on.
+        start: first design (d,), physical units; the baseline if left out.
         first_seed: seed of the first simulation.
         exchange: two variables whose values are exchanged, once a level, where the recommended
             design has the first above the second: a minimum that steps do not lead out of.
@@ -73,6 +75,7 @@ class AssistedCmaEs:
         population_size: int | None = None,
         objective: str = "returned",
         seeds: int = 1,
+        start: Array | None = None,
         first_seed: int = 1,
         exchange: Pair | None = None,
     ) -> None:
@@ -90,7 +93,7 @@ class AssistedCmaEs:
         self._size = population_size or default_population_size(problem.dimension)
         self._objective, self._seeds, self._first_seed = objective, seeds, first_seed
         self._rng = np.random.default_rng(seed)
-        self._start = problem.to_z(problem.baseline)
+        self._start = problem.to_z(problem.baseline if start is None else start)
         self._archive = Archive.empty(problem.dimension)
         self._number, self._restarts, self._why = 1, 0, "start"
         self._level, self._lowest = 0, 0
@@ -154,15 +157,40 @@ class AssistedCmaEs:
     ) -> None:
         """Learn the values of some candidates, in any order; infinite for a failed run.
 
+        Runs of another purpose than "search", made before it, teach and cost the same.
+
         Args:
             counts: (n, c) soft-constraint terms contained in the values.
         """
         terms = np.zeros((len(candidates), 0)) if counts is None else counts
         for candidate, value, row in zip(candidates, values, terms, strict=True):
-            run = self._plan.end(candidate.index)
-            self._archive = self._archive.added(run.z, run.level, candidate.seed, float(value), row)
+            if candidate.purpose == "search":
+                run = self._plan.end(candidate.index)
+                z, level = run.z, run.level
+            else:
+                z, level = self._problem.to_z(candidate.x), self._index(candidate.level)
+                self._plan.spent[level] += self._rungs[level].cost
+            self._archive = self._archive.added(z, level, candidate.seed, float(value), row)
         if self._stop is None and not self._plan.waits:
             self._go_on()
+
+    def finalists(self, n: int) -> list[Array]:
+        """Up to `n` different designs (d,) that may be the best, the recommended one first.
+
+        The others are runs of the finest level that has any, those of the lowest values first.
+        """
+        best = self.recommended()
+        if best is None:
+            return []
+        finished = self._archive.value < np.inf
+        finest = int(self._archive.level[finished].max())
+        rows = self._archive.finished_at(finest)
+        rows = rows[np.argsort(self._archive.value[rows], kind="stable")]
+        others = [frozen(self._problem.to_x(z)) for z in self._archive.z[rows]]
+        return distinct([best, *others])[:n]
+
+    def _index(self, level: str) -> int:
+        return [rung.level for rung in self._rungs].index(level)
 
     def _begin_next(self) -> Candidate:
         number, run = self._plan.begin()

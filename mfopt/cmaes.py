@@ -22,6 +22,7 @@ from mfopt.arrays import Array, frozen
 from mfopt.errors import ConfigError
 from mfopt.evaluation import Candidate, Generation, Insight
 from mfopt.noise_share import NoiseShare, belief, believed_values
+from mfopt.phases import distinct
 from mfopt.problem import Problem
 from mfopt.reevaluation import EliteDoubt, NoReplicates, Reevaluation, UncertaintyHandling
 from mfopt.search import Stage
@@ -39,6 +40,7 @@ class CmaEs:
         stages: the planned levels, coarse to fine.
         seed: seed of all random draws.
         exchange: two variables to exchange where the first stays above the second.
+        start: first design (d,), physical units; the baseline if left out.
         first_seed: seed of the first simulation; a stage uses `first_seed + 0 .. seeds - 1`, and
             for the k-th replicates of a generation as many, k x `seeds` further on.
     """
@@ -48,6 +50,7 @@ class CmaEs:
     _best_deviation: float
     _generations_in_stage: int
     _runs_in_stage: int  # of finished generations
+    _in_stage: list[tuple[float, Array]]  # believed values and designs of the stage
     _rule: Reevaluation
     _noise: NoiseShare
 
@@ -58,6 +61,7 @@ class CmaEs:
         *,
         seed: int,
         exchange: Pair | None = None,
+        start: Array | None = None,
         first_seed: int = 1,
     ) -> None:
         if not stages:
@@ -78,7 +82,7 @@ class CmaEs:
         self._restarts = 0
         self._number = 1
         self._stage_number = 0
-        self._begin_stage(problem.to_z(problem.baseline), why="start")
+        self._begin_stage(problem.to_z(problem.baseline if start is None else start), why="start")
 
     @property
     def generation(self) -> Generation:
@@ -116,7 +120,12 @@ class CmaEs:
         values: Sequence[float],
         counts: Array | None = None,
     ) -> None:
-        """Note the values; after the last of a generation update CMA-ES and move on."""
+        """Note the values; after the last of a generation update CMA-ES and move on.
+
+        Runs of another purpose than "search", made before it, teach nothing here.
+        """
+        if all(candidate.purpose != "search" for candidate in candidates):
+            return
         for candidate, value in zip(candidates, values, strict=True):
             self._told[candidate.index] = float(value)
         if len(self._told) == len(self._drawn) + len(self._again):
@@ -133,6 +142,16 @@ class CmaEs:
         With replicates, the one of the lowest believed value.
         """
         return self._best_x
+
+    def finalists(self, n: int) -> list[Array]:
+        """Up to `n` different designs (d,) that may be the best, the recommended one first.
+
+        The others are those of the lowest values at the present stage.
+        """
+        if self._best_x is None:
+            return []
+        ranked = sorted(self._in_stage, key=lambda its: its[0])
+        return distinct([self._best_x, *(x for _, x in ranked)])[:n]
 
     @property
     def insight(self) -> Insight | None:
@@ -197,6 +216,9 @@ class CmaEs:
 
     def _note_best(self, runs: Sequence[Sequence[float]]) -> None:
         values, deviations = believed_values(runs, self._noise.share)
+        self._in_stage += [
+            (float(f), c.x) for f, c in zip(values, self._drawn, strict=True) if np.isfinite(f)
+        ]
         best = int(np.argmin(values))
         if values[best] < self._best_f:
             self._best_f, self._best_deviation = float(values[best]), float(deviations[best])
@@ -249,6 +271,7 @@ class CmaEs:
         self._generations_in_stage, self._runs_in_stage = 0, 0
         self._noise, self._rule = NoiseShare(), _rule(self._stage, len(z))
         self._best_z, self._best_f, self._best_deviation = z, np.inf, 0.0
+        self._in_stage = []
         self._watch.new_stage()
         self._start_from(z, why=why)
 

@@ -9,7 +9,14 @@ from mfopt.outcome import Outcome
 HALF_WIDTH = 1.96  # standard deviations on either side: 95 % of a normal distribution
 
 Purpose = Literal[
-    "search", "confirm best", "confirm baseline", "reference best", "reference baseline"
+    "check",  # the start design, to see that a level runs
+    "start",  # a design that the search may start from
+    "search",
+    "finalist",  # a design that may be the best, at the target level
+    "confirm best",
+    "confirm baseline",
+    "reference best",
+    "reference baseline",
 ]
 
 

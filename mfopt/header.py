@@ -8,6 +8,7 @@ from importlib import metadata
 from typing import Any
 
 from mfopt.level import Ladder
+from mfopt.objective import ObjectiveSettings
 from mfopt.problem import Problem
 
 PACKAGES = ("numpy", "scipy", "cma", "h5py", "torch", "gpytorch")
@@ -21,6 +22,7 @@ def header(
     seed: int,
     method: str,
     objective: str,
+    objective_settings: ObjectiveSettings = ObjectiveSettings(),
     workers: int,
     levels: Sequence[Mapping[str, Any]] = (),
     versions: Mapping[str, str] | None = None,
@@ -60,6 +62,7 @@ def header(
             for level, extra in zip(ladder, described, strict=True)
         ],
         "objective": objective,
+        "objective_settings": objective_settings.described(),
         "objective_unit": problem.objective_unit,
         "workers": workers,
     }

@@ -3,14 +3,23 @@
 import math
 import resource
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from types import TracebackType
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from mfopt.evaluation import Candidate, Insight
+from mfopt.evaluation import Candidate
 from mfopt.run import Progress as RunProgress
+
+
+PHASES = {
+    "check": "checking",
+    "start": "starts",
+    "finalist": "finalists",
+    "confirm": "confirming",
+    "reference": "reference run",
+}
 
 
 class ProgressDisplay:
@@ -23,7 +32,6 @@ class ProgressDisplay:
         unit: of the objective.
         confirm_work: work of the confirmation after the search.
         budget: work that the search may spend; None if its plan of runs says it.
-        insight: what the search knows of its recommended design, if it says so.
     """
 
     def __init__(
@@ -35,11 +43,10 @@ class ProgressDisplay:
         unit: str,
         confirm_work: float,
         budget: float | None = None,
-        insight: Callable[[], Insight | None] = lambda: None,
     ) -> None:
         self._console, self._work = console, work
         self._unit = "" if unit == "-" else f" {unit}"
-        self._confirm_work, self._budget, self._insight = confirm_work, budget, insight
+        self._confirm_work, self._budget = confirm_work, budget
         self._full_run = full_run
         self._spent = self._measured = self._simulators_cpu_s = 0.0
         self._began = time.monotonic()
@@ -70,7 +77,7 @@ class ProgressDisplay:
         if not progress.replayed:
             self._measured += work
             self._simulators_cpu_s += outcome.cpu_s + float(outcome.raw.get("settling_cpu_s", 0.0))
-        if candidate.purpose != "search":
+        if candidate.purpose not in ("check", "start", "search"):
             self._confirm_work -= work
         left = self._left(progress)
         words = (
@@ -88,7 +95,7 @@ class ProgressDisplay:
 
     def _left(self, progress: RunProgress) -> float:
         """Work still to be done."""
-        if progress.evaluation.candidate.purpose != "search":
+        if progress.evaluation.candidate.purpose not in ("check", "start", "search"):
             return self._confirm_work
         if self._budget is not None:
             return self._confirm_work + max(0.0, self._budget - self._spent)
@@ -99,7 +106,7 @@ class ProgressDisplay:
         level = progress.evaluation.candidate.level
         best = min(self._best.get(level, math.inf), progress.evaluation.objective)
         self._best[level] = best
-        its = self._insight()
+        its = progress.insight
         if its is None:
             return f"best {best:.4g}{self._unit}"
         low, high = its.interval
@@ -126,4 +133,4 @@ class ProgressDisplay:
 def _phase(candidate: Candidate) -> str:
     if candidate.purpose == "search":
         return f"generation {candidate.generation}"
-    return "confirming" if candidate.purpose.startswith("confirm") else "reference run"
+    return PHASES[candidate.purpose.split()[0]]

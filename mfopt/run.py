@@ -1,6 +1,4 @@
-"""The loop: ask, evaluate, store, tell; then confirm the best design over fresh seeds.
-
-A study may ask that best and baseline are run once more on another engine, the reference.
+"""The loop: run the starts, then ask, evaluate, store, tell; then finalists and confirmation.
 
 Resuming replays the search from its seed. A candidate that the run directory already holds
 is told from there, only the others are run. A search is a pure function of its seed and of
@@ -14,16 +12,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mfopt.arrays import Array
-from mfopt.evaluation import Candidate, Evaluation, Purpose
+from mfopt.evaluation import Candidate, Evaluation, Insight
 from mfopt.executor import Runner
 from mfopt.level import Ladder, Level
 from mfopt.memory import Memory
-from mfopt.objective import Objective, counts, objective_named, value
+from mfopt.objective import Objective, ObjectiveSettings, judged, missed, objective_named
+from mfopt.phases import Finals, Starts, confirmation, distinct, lowest_mean, on_reference
 from mfopt.problem import Problem
 from mfopt.search import Search
 from mfopt.store import RunDirectory
-
-CONFIRM_SEED = 1_000_000  # far from the search's seeds, so that confirmation is fresh
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,22 +28,54 @@ class Progress:
     """How far a run has come, after each evaluation."""
 
     evaluation: Evaluation
-    runs_left: Sequence[tuple[str, int]]  # (level, number of runs) still planned
+    runs_left: Sequence[tuple[str, int]]  # (level, number of runs) that the search still plans
     replayed: bool  # taken from the run directory, not run now
+    insight: Insight | None = None  # what the search knows of its recommended design
 
 
 Watch = Callable[[Progress], None]
+MakeSearch = Callable[[Array], Search]  # the search that starts from a design (d,)
+
+
+@dataclass(frozen=True, slots=True)
+class _Loop:
+    """What every phase needs to have its candidates evaluated."""
+
+    memory: Memory
+    runner: Runner
+    settings: ObjectiveSettings
+    window: int
+    watch: Watch
+
+    def evaluate(
+        self, candidates: Sequence[Candidate], ladder: Ladder, objective_name: str
+    ) -> list[Evaluation]:
+        """Evaluate what is not in the run directory yet; all in the order given."""
+        objective = objective_named(objective_name, self.settings)
+        made = {c.index: found for c in candidates if (found := self.memory.recall(c)) is not None}
+        for found in made.values():
+            self.watch(Progress(found, [], replayed=True))
+        missing = [c for c in candidates if c.index not in made]
+        for candidate, outcome in self.runner.run(ladder, missing):
+            new = made[candidate.index] = Evaluation(candidate, *judged(objective, outcome))
+            self.memory.run.add_evaluation(new)
+            self.watch(Progress(new, [], replayed=False))
+        return [made[c.index] for c in candidates]
 
 
 def run_study(
     problem: Problem,
     ladder: Ladder,
-    search: Search,
+    make_search: MakeSearch,
     runner: Runner,
     run: RunDirectory,
     *,
     confirm_on: Ladder,
     confirm_seeds: int,
+    objective: str = "returned",
+    objective_settings: ObjectiveSettings = ObjectiveSettings(),
+    starts: Starts | None = None,
+    finals: Finals = Finals(),
     window: int = 1,
     reference: Level | None = None,
     watch: Watch = lambda progress: None,
@@ -54,26 +83,42 @@ def run_study(
     """Run or resume a study until its search and the confirmation have ended.
 
     Args:
+        make_search: makes the search that starts from a design.
         confirm_on: ladder for the confirmation, e.g. with snapshots switched on.
         confirm_seeds: fresh seeds for the best and the baseline design.
+        objective: that ranks starts, finalists and the confirmation.
+        starts: designs of which the best is where the search starts; the baseline if None.
+        finals: how the best design is told from its rivals.
         window: candidates that may be out at a time; a resumed run needs the same.
         reference: where both are run once more, with the first of these seeds.
 
     Returns:
-        An evaluation of the recommended design, at the highest level that has one.
+        An evaluation of the best design, at the highest level that has one.
     """
-    memory = Memory(run)
+    loop = _Loop(Memory(run), runner, objective_settings, window, watch)
     try:
-        made = _search(search, memory, ladder, runner, window, watch)
-        best = best_of(made, ladder, search.recommended())
+        before = [] if starts is None else loop.evaluate(starts.candidates(0), ladder, objective)
+        start = lowest_mean(before)
+        search = make_search(problem.baseline if start is None else start)
+        if before:
+            search.tell(
+                [e.candidate for e in before],
+                [e.objective for e in before],
+                missed(objective_named(objective, objective_settings), [e.outcome for e in before]),
+            )
+        made = [*before, *_search(search, loop, ladder, len(before))]
+        top = ladder.top.name
+        rivals = [*search.finalists(finals.designs), *([] if start is None else [start])]
+        final = finals.candidates(distinct(rivals), top, len(made))
+        made += loop.evaluate(final, ladder, objective)
+        winner = lowest_mean(made[len(made) - len(final) :])
+        best = best_of(made, ladder, search.recommended() if winner is None else winner)
         if best is not None and confirm_seeds:
-            x, top = best.candidate.x, ladder.top.name
-            pairs = confirmation(problem, x, top, confirm_seeds, len(made))
-            objective = objective_named(search.generation.objective)
-            _evaluate(pairs, memory, confirm_on, runner, objective, watch)
+            pairs = confirmation(problem, best.candidate.x, top, confirm_seeds, len(made))
+            loop.evaluate(pairs, confirm_on, objective)
             if reference is not None:
                 pair = on_reference(pairs, reference.name)
-                _evaluate(pair, memory, Ladder((reference,)), runner, objective, watch)
+                loop.evaluate(pair, Ladder((reference,)), objective)
         if run.end is None:
             run.add_end(search.should_stop() or "")
     finally:
@@ -81,77 +126,52 @@ def run_study(
     return best
 
 
-def _search(
-    search: Search, memory: Memory, ladder: Ladder, runner: Runner, window: int, watch: Watch
-) -> list[Evaluation]:
+def _search(search: Search, loop: _Loop, ladder: Ladder, first_index: int) -> list[Evaluation]:
     """Ask and tell until the search stops; evaluations in the order asked.
 
     Results are told in the order asked, whichever ends first, so that a run repeats exactly. At
     most `window` candidates are out at a time: those that exceed the workers keep them busy
     while a slow run ends.
+
+    Args:
+        first_index: evaluations of the run that were made before.
     """
+    memory, runner = loop.memory, loop.runner
     made: list[Evaluation] = []
-    out: deque[Candidate] = deque()
+    out: deque[tuple[Candidate, Candidate]] = deque()  # as the search knows it, and as stored
     arrived: dict[int, Evaluation] = {}
     objectives: dict[int, Objective] = {}
     while True:
-        while len(out) < window and search.should_stop() is None:
+        while len(out) < loop.window and search.should_stop() is None:
             generation = search.generation
-            candidates = search.ask(window - len(out))
-            if not candidates:
+            asked = search.ask(loop.window - len(out))
+            if not asked:
                 break
             memory.run.add_generation(generation)
-            for candidate in candidates:
-                out.append(candidate)
-                objectives[candidate.index] = objective_named(generation.objective)
+            for its in asked:
+                candidate = replace(its, index=first_index + its.index)
+                out.append((its, candidate))
+                objectives[candidate.index] = objective_named(generation.objective, loop.settings)
                 if (found := memory.recall(candidate)) is not None:
                     arrived[candidate.index] = found
-                    watch(Progress(found, search.work_left, replayed=True))
+                    loop.watch(Progress(found, search.work_left, True, search.insight))
                 else:
                     runner.submit(ladder, candidate)
         if not out:
             return made
-        candidate = out.popleft()
+        its, candidate = out.popleft()
         while candidate.index not in arrived:
             other, outcome = runner.next()
-            new = Evaluation(other, outcome, value(objectives[other.index], outcome))
+            new = Evaluation(other, *judged(objectives[other.index], outcome))
             memory.run.add_evaluation(new)
             arrived[other.index] = new
-            watch(Progress(new, search.work_left, replayed=False))
+            loop.watch(Progress(new, search.work_left, False, search.insight))
         evaluation = arrived.pop(candidate.index)
-        terms = counts(objectives[candidate.index], [evaluation.outcome])
-        search.tell([candidate], [evaluation.objective], terms)
+        terms = missed(objectives[candidate.index], [evaluation.outcome])
+        search.tell([its], [evaluation.objective], terms)
         if search.insight is not None:
             memory.run.add_insight(search.insight)
         made.append(evaluation)
-
-
-def confirmation(
-    problem: Problem, x: Array, level: str, seeds: int, first_index: int
-) -> list[Candidate]:
-    """Runs of the best and the baseline design on the same fresh seeds."""
-    designs: list[tuple[Purpose, Array]] = [
-        ("confirm best", x),
-        ("confirm baseline", problem.baseline),
-    ]
-    plan = [(purpose, x, seed) for seed in range(seeds) for purpose, x in designs]
-    return [
-        Candidate(first_index + n, x, level, CONFIRM_SEED + seed, 0, purpose)
-        for n, (purpose, x, seed) in enumerate(plan)
-    ]
-
-
-def on_reference(confirmation: Sequence[Candidate], level: str) -> list[Candidate]:
-    """The confirmation of its first seed once more, on the reference level."""
-    after: dict[Purpose, Purpose] = {
-        "confirm best": "reference best",
-        "confirm baseline": "reference baseline",
-    }
-    index = confirmation[-1].index + 1
-    return [
-        replace(c, index=index + n, level=level, purpose=after[c.purpose])
-        for n, c in enumerate(c for c in confirmation if c.seed == CONFIRM_SEED)
-    ]
 
 
 def best_of(
@@ -170,22 +190,3 @@ def best_of(
         if there:
             return min(there, key=lambda e: e.objective)
     return None
-
-
-def _evaluate(
-    candidates: Sequence[Candidate],
-    memory: Memory,
-    ladder: Ladder,
-    runner: Runner,
-    objective: Objective,
-    watch: Watch,
-) -> None:
-    """Evaluate what is not in the run directory yet."""
-    known = {c.index: found for c in candidates if (found := memory.recall(c)) is not None}
-    for found in known.values():
-        watch(Progress(found, [], replayed=True))
-    missing = [c for c in candidates if c.index not in known]
-    for candidate, outcome in runner.run(ladder, missing):
-        new = Evaluation(candidate, outcome, value(objective, outcome))
-        memory.run.add_evaluation(new)
-        watch(Progress(new, [], replayed=False))

@@ -49,6 +49,9 @@ class Search(Protocol):
     def recommended(self) -> Array | None:
         """The design (d,) to build, as far as the search knows; None while it knows none."""
 
+    def finalists(self, n: int) -> list[Array]:
+        """Up to `n` different designs (d,) that may be the best, the recommended one first."""
+
     @property
     def insight(self) -> Insight | None:
         """What the last finished generation taught; None if the search does not say."""

@@ -24,7 +24,7 @@ from mfopt.limits import (
     Sigma,
     Workers,
 )
-from mfopt.objective import objective_named
+from mfopt.objective import ObjectiveSettings, objective_named
 from mfopt.search import Reevaluate, Stage
 from mfopt.settings import Settings, checked, nearest
 
@@ -145,8 +145,19 @@ class ProblemSettings(Settings):
     scene: Literal["dosing"] | None = None
     objective: str
     objective_unit: Name = "-"
+    reference_grains: int = Field(default=4600, ge=1, le=10**9)  # of which the paper counts
+    filling_time_limit_ms: float | None = Field(default=None, gt=0.0, le=1e9)
+    filling_time_weight: float = Field(default=0.5, ge=0.0, le=1e9)  # of a second above the limit
     dosing: dict[str, Any] = Field(default_factory=dict)
     variable: list[VariableSettings] = Field(default_factory=list, max_length=MOST_VARIABLES)
+
+    @property
+    def objective_settings(self) -> ObjectiveSettings:
+        """What the study changes about its objective."""
+        limit = self.filling_time_limit_ms
+        return ObjectiveSettings(
+            self.reference_grains, None if limit is None else 1e-3 * limit, self.filling_time_weight
+        )
 
 
 class Study(Settings):

@@ -8,7 +8,7 @@ import numpy as np
 
 from mfopt.arrays import AnyArray, Array
 from mfopt.evaluation import Evaluation, Purpose
-from mfopt.objective import OBJECTIVES, value
+from mfopt.objective import Objective, ObjectiveSettings, objective_named, value
 from mfopt.outcome import Status
 from mfopt.store import RunDirectory
 
@@ -44,28 +44,20 @@ def read_rows(run: RunDirectory) -> tuple[Row, ...]:
     All values are those of the objective that the run's header names, whatever objective
     ranked them in their generation: so they compare over the whole run.
     """
-    name = str(run.header.get("objective", ""))
-    return tuple(_row(evaluation, name) for evaluation in run.evaluations())
+    settings = ObjectiveSettings(**run.header.get("objective_settings", {}))
+    objective = objective_named(run.header["objective"], settings)
+    return tuple(_row(evaluation, objective) for evaluation in run.evaluations())
 
 
-def _row(evaluation: Evaluation, objective_name: str) -> Row:
+def _row(evaluation: Evaluation, objective: Objective) -> Row:
     c, o = evaluation.candidate, evaluation.outcome
     return Row(
         c.index, c.generation, c.level, c.seed, c.purpose, c.x,
-        _value(evaluation, objective_name),
+        value(objective, evaluation.outcome),
         filling_time(o.raw) if o.finished else math.nan,
         _count(o.raw, "left_in_cup"), _count(o.raw, "left_in_hopper"),
         o.status, o.why, o.work, o.cpu_s,
     )  # fmt: skip
-
-
-def _value(evaluation: Evaluation, name: str) -> float:
-    if name not in OBJECTIVES:
-        return evaluation.objective
-    try:
-        return value(OBJECTIVES[name], evaluation.outcome)
-    except KeyError:  # a user's simulation that stores something else
-        return evaluation.objective
 
 
 def filling_time(raw: Mapping[str, AnyArray]) -> float:

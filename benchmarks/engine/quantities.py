@@ -7,7 +7,7 @@ import numpy as np
 
 from benchmarks.engine.runs import Run
 from mfopt.arrays import AnyArray, Array
-from mfopt.objective import dispersion
+from mfopt.objective import paper_dispersion
 
 Raw = Mapping[str, AnyArray]
 
@@ -36,11 +36,11 @@ def _passage_times(raw: Raw) -> Array:
 
 
 def _objective(raw: Raw) -> float:
-    return sum(dispersion(raw).values())
+    return sum(paper_dispersion(raw).values())
 
 
 def _dispersion(raw: Raw) -> float:
-    return dispersion(raw)["dispersion"]
+    return paper_dispersion(raw)["dispersion"]
 
 
 # Of a distribution the number is its mean.

@@ -286,7 +286,7 @@ def test_a_study_broken_off_among_replicates_resumes(rule: Reevaluate, tmp_path:
         path, ladder = tmp_path / name, Ladder((FunctionLevel("l", counted),))
         directory = open_run(path) if path.exists() else create(path, "", {})
         run_study(
-            PROBLEM, ladder, search(rule, 5), Runner(one_thread), directory,
+            PROBLEM, ladder, lambda _: search(rule, 5), Runner(one_thread), directory,
             confirm_on=ladder, confirm_seeds=0, window=3,
         )  # fmt: skip
         return [

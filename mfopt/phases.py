@@ -1,0 +1,104 @@
+"""What a study runs before and after its search: which designs, where and on which seeds.
+
+Before it, the starts that a study names are run at a cheap level, and the search begins at the
+best. After it, designs that may be the best are told apart at the target level; then the best and
+the baseline are confirmed on fresh seeds, and run once more on a reference engine.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mfopt.arrays import Array
+from mfopt.evaluation import Candidate, Evaluation, Purpose
+from mfopt.problem import Problem
+
+# Seeds of the search count from 1; those of the phases after it are far from them and fresh.
+FINALIST_SEED = 500_000
+CONFIRM_SEED = 1_000_000
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Starts:
+    """Designs that a search may start from."""
+
+    designs: Mapping[str, Array]  # (d,) each, physical units
+    level: str  # where they are compared
+    seeds: int = 1
+
+    def candidates(self, first_index: int) -> list[Candidate]:
+        """Each design on each of the first seeds, which the search uses too."""
+        return _on_seeds(list(self.designs.values()), self.level, 1, self.seeds, first_index)
+
+
+@dataclass(frozen=True, slots=True)
+class Finals:
+    """How the best design is told from its rivals at the target level."""
+
+    designs: int = 1  # of the search; with 1 and no start nothing is run
+    seeds: int = 3
+
+    def candidates(
+        self, designs: Sequence[Array], level: str, first_index: int
+    ) -> list[Candidate]:
+        """Each finalist on each of the seeds; none where there is but one finalist."""
+        if len(designs) < 2:
+            return []
+        found = _on_seeds(designs, level, FINALIST_SEED, self.seeds, first_index)
+        return [replace(candidate, purpose="finalist") for candidate in found]
+
+
+def _on_seeds(
+    designs: Sequence[Array], level: str, first_seed: int, seeds: int, first_index: int
+) -> list[Candidate]:
+    pairs = [(x, seed) for x in designs for seed in range(first_seed, first_seed + seeds)]
+    return [
+        Candidate(first_index + n, x, level, seed, 0, "start") for n, (x, seed) in enumerate(pairs)
+    ]
+
+
+def distinct(designs: Sequence[Array]) -> list[Array]:
+    """The designs (d,) without repetitions, in order."""
+    return list({x.tobytes(): x for x in designs}.values())
+
+
+def lowest_mean(evaluations: Sequence[Evaluation]) -> Array | None:
+    """The design (d,) of the lowest mean objective; None if each has a failed run."""
+    values: dict[bytes, list[float]] = {}
+    designs: dict[bytes, Array] = {}
+    for evaluation in evaluations:
+        key = evaluation.candidate.x.tobytes()
+        values.setdefault(key, []).append(evaluation.objective)
+        designs[key] = evaluation.candidate.x
+    means = {key: float(np.mean(its)) for key, its in values.items()}
+    best = min(means, key=lambda key: means[key], default=None)
+    return designs[best] if best is not None and np.isfinite(means[best]) else None
+
+
+def confirmation(
+    problem: Problem, x: Array, level: str, seeds: int, first_index: int
+) -> list[Candidate]:
+    """Runs of the best and the baseline design on the same fresh seeds."""
+    designs: list[tuple[Purpose, Array]] = [
+        ("confirm best", x),
+        ("confirm baseline", problem.baseline),
+    ]
+    plan = [(purpose, x, seed) for seed in range(seeds) for purpose, x in designs]
+    return [
+        Candidate(first_index + n, x, level, CONFIRM_SEED + seed, 0, purpose)
+        for n, (purpose, x, seed) in enumerate(plan)
+    ]
+
+
+def on_reference(confirmation: Sequence[Candidate], level: str) -> list[Candidate]:
+    """The confirmation of its first seed once more, on the reference level."""
+    after: dict[Purpose, Purpose] = {
+        "confirm best": "reference best",
+        "confirm baseline": "reference baseline",
+    }
+    index = confirmation[-1].index + 1
+    return [
+        replace(c, index=index + n, level=level, purpose=after[c.purpose])
+        for n, c in enumerate(c for c in confirmation if c.seed == CONFIRM_SEED)
+    ]
