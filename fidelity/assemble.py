@@ -9,7 +9,7 @@ from pydantic import Field
 
 from fidelity.bullet import BulletEngine
 from fidelity.command import CommandLevel
-from fidelity.dosing import dosing_problem
+from fidelity.dosing import dosing_problem, starting_designs
 from fidelity.dosing_level import DosingLevel
 from fidelity.engine import Engine
 from fidelity.numba_engine import NumbaEngine
@@ -21,6 +21,7 @@ from mfopt.errors import ConfigError
 from mfopt.evaluation import Reference
 from mfopt.level import Ladder, Level
 from mfopt.limits import Grains, Name, TimeLimit, Word, Work
+from mfopt.phases import Starts
 from mfopt.problem import Problem, Variable
 from mfopt.settings import Settings, checked
 from mfopt.study import ProblemSettings, Study
@@ -69,6 +70,7 @@ class Assembled:
     dosing: DosingSettings | None  # None for a problem of the user's own
     described: tuple[Mapping[str, Any], ...]  # per level: engine, grains, spheres_per_grain
     versions: Mapping[str, str]  # of the engines
+    starts: Starts | None  # designs that the search may start from; None: the baseline alone
     reference: Reference | None  # what the study asks for beside the ladder, and what came of it
     reference_level: Level | None  # where best and baseline are run once more, if anywhere
 
@@ -115,8 +117,22 @@ def assemble(study: Study, *, where: str) -> Assembled:
     ladder = Ladder(levels)
     reference, reference_level = _reference(study, ladder, f"{where}: confirm.reference")
     return Assembled(
-        problem, ladder, Ladder(detailed), dosing, described, versions, reference, reference_level
-    )
+        problem, ladder, Ladder(detailed), dosing, described, versions,
+        _starts(problem, ladder, dosing, study.search.seeds), reference, reference_level,
+    )  # fmt: skip
+
+
+def _starts(
+    problem: Problem, ladder: Ladder, dosing: DosingSettings | None, seeds: int
+) -> Starts | None:
+    """The simple motions of a dosing study, compared at its first level with grains."""
+    if dosing is None:
+        return None
+    designs = starting_designs(problem)
+    if len(designs) == 1:
+        return None
+    with_grains = [level.name for level in ladder if isinstance(level, DosingLevel)]
+    return Starts(designs, (with_grains or ladder.names)[0], seeds)
 
 
 def _check_exchange(study: Study, problem: Problem, where: str) -> None:

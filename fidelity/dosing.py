@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fidelity.settings import MOTION_PARAMETERS, DosingSettings
+from fidelity.settings import MOTION_PARAMETERS, SIMPLE_MOTIONS, DosingSettings
 from geometry.loft import Loft, check_loft
 from geometry.mesh import Mesh
 from geometry.motion import MotionLaw
@@ -82,19 +82,38 @@ def dosing_problem(settings: DosingSettings) -> Problem:
     Raises:
         ConfigError: if the baseline cannot be built, or lies outside the bounds.
     """
+    try:
+        dosing_cup(settings)
+    except InvalidDesign as error:
+        raise ConfigError(f"the cup cannot be built: {error}; change its size") from error
     values = settings.all_values()
     variables = tuple(
         Variable(name, low, high, "-" if name in MOTION_PARAMETERS else "mm")
         for name, (low, high) in settings.free.items()
     )
     baseline = frozen([values[v.name] for v in variables])
-    problem = Problem(
-        variables, baseline, _Possible(settings)
-    )  # the objective adds seconds and counts
+    problem = Problem(variables, baseline, _Possible(settings), objective_unit="s")
     why = problem.impossible(baseline)
     if why is not None:
         raise ConfigError(f"the baseline design cannot be built: {why}; change its values")
     return problem
+
+
+def starting_designs(problem: Problem) -> dict[str, Array]:
+    """The baseline and the simple motions over its hopper, by name, in the units of the problem.
+
+    A motion changes what is free of it; one that leaves the bounds or cannot be built is left out.
+    """
+    found = {"baseline": problem.baseline}
+    for name, motion in SIMPLE_MOTIONS.items():
+        its = {**problem.named(problem.baseline)}
+        its |= {k: v for k, v in zip(MOTION_PARAMETERS, motion, strict=True) if k in its}
+        x = frozen([its[k] for k in problem.names])
+        inside = bool(((x >= problem.lower) & (x <= problem.upper)).all())
+        known = any(np.array_equal(x, other) for other in found.values())
+        if inside and not known and problem.impossible(x) is None:
+            found[name] = x
+    return found
 
 
 def design(settings: DosingSettings, x: Array) -> Design:

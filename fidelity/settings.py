@@ -41,14 +41,28 @@ SECTION_PARAMETERS = tuple(
 )
 PARAMETERS = SECTION_PARAMETERS + MOTION_PARAMETERS
 
-# Given values; l, w, r, s of sections 1 and 2 lie on the straight line from hole to tube
-# unless given. The motion is a constant speed: P1 and P2 on the diagonal, v = 1.
+# What an engineer would try first: x1, y1, x2, y2, v. Any of them can be the best, depending on
+# cup, cycle and grains.
+SIMPLE_MOTIONS: Mapping[str, tuple[float, float, float, float, float]] = {
+    "constant": (0.25, 0.25, 0.75, 0.75, 1.0),
+    "dwell": (0.25, 0.5, 0.75, 0.5, 1.5),
+    "dwell long": (0.2, 0.5, 0.8, 0.5, 1.5),
+    "dwell fast": (0.2, 0.5, 0.6, 0.5, 2.5),
+    "slow": (0.2, 0.45, 0.7, 0.55, 2.0),
+    "slow early": (0.15, 0.45, 0.6, 0.55, 2.5),
+    "creep": (0.3, 0.4, 0.7, 0.5, 1.2),
+}
+BASELINE_MOTION = "dwell"
+
+# Given values. The hole is the cup and a margin; l, w, r, s of sections 1 and 2 lie on the straight
+# line from hole to tube unless given.
 DEFAULT_VALUES: Mapping[str, float] = {
-    "l0": 150, "w0": 115, "r0": 25, "s0": 0,
+    "s0": 0,
     "z1": -80, "z2": -180, "z3": -260,
     "l3": 95, "w3": 70, "r3": 25, "s3": 0,
-    "x1": 0.25, "y1": 0.25, "x2": 0.75, "y2": 0.75, "v": 1.0,
+    **dict(zip(MOTION_PARAMETERS, SIMPLE_MOTIONS[BASELINE_MOTION], strict=True)),
 }  # fmt: skip
+HOLE_MARGIN: Mapping[str, float] = {"l": 20, "w": 15, "r": 5}  # [mm] hole less cup: 150, 115, 25
 DEFAULT_FREE: Mapping[str, Bounds] = {
     "l1": (80, 180), "w1": (60, 140), "r1": (5, 45), "s1": (-40, 40),
     "l2": (70, 150), "w2": (50, 120), "r2": (5, 40), "s2": (-30, 30),
@@ -158,16 +172,18 @@ class DosingSettings(Settings):
         return 1e6 * self.portion_kg / self.grain.density_kg_m3 / self.cup.volume_ml
 
     def all_values(self) -> dict[str, float]:
-        """Value of every design parameter, with sections 1 and 2 on the straight line.
+        """Value of every design parameter: the hole as the cup asks, straight from hole to tube.
 
         A free parameter's value is where the search starts: the baseline.
         """
-        values = {**DEFAULT_VALUES, **self.values}
+        cup = {"l": self.cup.length_mm, "w": self.cup.width_mm, "r": self.cup.radius_mm}
+        hole = {f"{letter}0": cup[letter] + HOLE_MARGIN[letter] for letter in "lwr"}
+        values = {**hole, **DEFAULT_VALUES, **self.values}
         for i in (1, 2):
             share = values[f"z{i}"] / values["z3"]  # 0 at the hole, 1 at the tube
             for letter in "lwrs":
-                hole, tube = values[f"{letter}0"], values[f"{letter}3"]
-                values.setdefault(f"{letter}{i}", hole + share * (tube - hole))
+                upper, lower = values[f"{letter}0"], values[f"{letter}3"]
+                values.setdefault(f"{letter}{i}", upper + share * (lower - upper))
         return values
 
 

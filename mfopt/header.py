@@ -8,7 +8,8 @@ from importlib import metadata
 from typing import Any
 
 from mfopt.level import Ladder
-from mfopt.objective import ObjectiveSettings
+from mfopt.objective import DEFAULTS, ObjectiveSettings
+from mfopt.phases import Starts
 from mfopt.problem import Problem
 
 PACKAGES = ("numpy", "scipy", "cma", "h5py", "torch", "gpytorch")
@@ -22,8 +23,9 @@ def header(
     seed: int,
     method: str,
     objective: str,
-    objective_settings: ObjectiveSettings = ObjectiveSettings(),
+    objective_settings: ObjectiveSettings = DEFAULTS,
     workers: int,
+    starts: Starts | None = None,
     levels: Sequence[Mapping[str, Any]] = (),
     versions: Mapping[str, str] | None = None,
 ) -> dict[str, Any]:
@@ -31,6 +33,7 @@ def header(
 
     Args:
         method: of the search: "assisted" or "cma-es".
+        starts: designs that the search may start from.
         levels: per level, what a report should say of it: `engine`, `grains`, ...
         versions: of the simulators behind the levels.
     """
@@ -63,6 +66,9 @@ def header(
         ],
         "objective": objective,
         "objective_settings": objective_settings.described(),
+        "starts": {}
+        if starts is None
+        else {name: [float(value) for value in x] for name, x in starts.designs.items()},
         "objective_unit": problem.objective_unit,
         "workers": workers,
     }

@@ -10,7 +10,6 @@ Source: paper on the optimisation of a vertical tubular bag machine, eqs. 2-5.
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -55,7 +54,10 @@ class ObjectiveSettings:
         return asdict(self)
 
 
-def dispersion(raw: Raw, settings: ObjectiveSettings = ObjectiveSettings()) -> dict[str, float]:
+DEFAULTS = ObjectiveSettings()
+
+
+def dispersion(raw: Raw, settings: ObjectiveSettings = DEFAULTS) -> dict[str, float]:
     """f = g + lc + lh + t: spread of the passage times, mass left, and time above the limit.
 
     g is the standard deviation of the passage times without the last 20 / `reference_grains` of
@@ -64,14 +66,12 @@ def dispersion(raw: Raw, settings: ObjectiveSettings = ObjectiveSettings()) -> d
     return {"dispersion": spread(raw, _last(raw, settings)), **_missed(raw, settings)}
 
 
-def filling_time(raw: Raw, settings: ObjectiveSettings = ObjectiveSettings()) -> dict[str, float]:
+def filling_time(raw: Raw, settings: ObjectiveSettings = DEFAULTS) -> dict[str, float]:
     """Time between the first and the last grain at the tube's end [s], and what is missed."""
     return {"filling time": span(raw), **_missed(raw, settings)}
 
 
-def paper_dispersion(
-    raw: Raw, settings: ObjectiveSettings = ObjectiveSettings()
-) -> dict[str, float]:
+def paper_dispersion(raw: Raw, settings: ObjectiveSettings = DEFAULTS) -> dict[str, float]:
     """`dispersion` as the paper counts: the last 20 grains left out, a price for each grain left.
 
     It means another thing at another number of grains.
@@ -80,7 +80,7 @@ def paper_dispersion(
     return dispersion(raw, as_counted)
 
 
-def returned(raw: Raw, settings: ObjectiveSettings = ObjectiveSettings()) -> dict[str, float]:
+def returned(raw: Raw, settings: ObjectiveSettings = DEFAULTS) -> dict[str, float]:
     """The number `f` that the simulation itself returned."""
     return {"f": float(raw["f"])}
 
@@ -105,9 +105,7 @@ def span(raw: Raw) -> float:
     return float(np.ptp(times)) if times.size >= FEWEST_TIMES else float(raw["duration"])
 
 
-def quantities(
-    raw: Raw, settings: ObjectiveSettings = ObjectiveSettings()
-) -> dict[str, float] | None:
+def quantities(raw: Raw, settings: ObjectiveSettings = DEFAULTS) -> dict[str, float] | None:
     """What an engineer asks of a dosing run; None where the run is of another kind.
 
     Returns:
@@ -148,7 +146,7 @@ OBJECTIVES: Mapping[str, Callable[[Raw, ObjectiveSettings], dict[str, float]]] =
 }
 
 
-def objective_named(name: str, settings: ObjectiveSettings = ObjectiveSettings()) -> Objective:
+def objective_named(name: str, settings: ObjectiveSettings = DEFAULTS) -> Objective:
     """Look an objective up by its name in study files.
 
     Raises:
@@ -156,7 +154,7 @@ def objective_named(name: str, settings: ObjectiveSettings = ObjectiveSettings()
     """
     if name not in OBJECTIVES:
         raise ConfigError(f"unknown objective {name!r}; choose from {', '.join(OBJECTIVES)}")
-    return partial(OBJECTIVES[name], settings=settings)
+    return lambda raw: OBJECTIVES[name](raw, settings)
 
 
 def judged(objective: Objective, outcome: Outcome) -> tuple[Outcome, float]:

@@ -39,14 +39,15 @@ class Finals:
     designs: int = 1  # of the search; with 1 and no start nothing is run
     seeds: int = 3
 
-    def candidates(
-        self, designs: Sequence[Array], level: str, first_index: int
-    ) -> list[Candidate]:
+    def candidates(self, designs: Sequence[Array], level: str, first_index: int) -> list[Candidate]:
         """Each finalist on each of the seeds; none where there is but one finalist."""
         if len(designs) < 2:
             return []
         found = _on_seeds(designs, level, FINALIST_SEED, self.seeds, first_index)
         return [replace(candidate, purpose="finalist") for candidate in found]
+
+
+NO_FINALS = Finals()
 
 
 def _on_seeds(

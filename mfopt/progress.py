@@ -12,7 +12,6 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from mfopt.evaluation import Candidate
 from mfopt.run import Progress as RunProgress
 
-
 PHASES = {
     "check": "checking",
     "start": "starts",

@@ -16,8 +16,16 @@ from mfopt.evaluation import Candidate, Evaluation, Insight
 from mfopt.executor import Runner
 from mfopt.level import Ladder, Level
 from mfopt.memory import Memory
-from mfopt.objective import Objective, ObjectiveSettings, judged, missed, objective_named
-from mfopt.phases import Finals, Starts, confirmation, distinct, lowest_mean, on_reference
+from mfopt.objective import DEFAULTS, Objective, ObjectiveSettings, judged, missed, objective_named
+from mfopt.phases import (
+    NO_FINALS,
+    Finals,
+    Starts,
+    confirmation,
+    distinct,
+    lowest_mean,
+    on_reference,
+)
 from mfopt.problem import Problem
 from mfopt.search import Search
 from mfopt.store import RunDirectory
@@ -73,9 +81,9 @@ def run_study(
     confirm_on: Ladder,
     confirm_seeds: int,
     objective: str = "returned",
-    objective_settings: ObjectiveSettings = ObjectiveSettings(),
+    objective_settings: ObjectiveSettings = DEFAULTS,
     starts: Starts | None = None,
-    finals: Finals = Finals(),
+    finals: Finals = NO_FINALS,
     window: int = 1,
     reference: Level | None = None,
     watch: Watch = lambda progress: None,

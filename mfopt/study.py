@@ -25,6 +25,7 @@ from mfopt.limits import (
     Workers,
 )
 from mfopt.objective import ObjectiveSettings, objective_named
+from mfopt.phases import Finals
 from mfopt.search import Reevaluate, Stage
 from mfopt.settings import Settings, checked, nearest
 
@@ -102,12 +103,27 @@ class SearchSettings(Settings):
 class ConfirmSettings(Settings):
     """Fresh seeds on which the best and the baseline design are run at the top level.
 
+    Before that the best design is told from its rivals: so many `finalists` of the search, and the
+    best of the designs that it may have started from, on `finalist_seeds` others.
+
     `reference` names the engine, or several in order of preference, on which both are run once
     more with the first of these seeds.
     """
 
+    finalists: int = Field(default=1, ge=1, le=100)
+    finalist_seeds: int = Field(default=3, ge=1, le=1000)
     seeds: ConfirmSeeds = 5
     reference: str | list[str] | None = None
+
+    @property
+    def finals(self) -> Finals:
+        """How the best design is told from its rivals."""
+        return Finals(self.finalists, self.finalist_seeds)
+
+    def runs(self, *, starts: bool) -> int:
+        """Runs at the target level after the search, by whether the study has starts."""
+        rivals = self.finalists + starts
+        return 2 * self.seeds + (rivals * self.finalist_seeds if rivals > 1 else 0)
 
     @property
     def references(self) -> tuple[str, ...]:

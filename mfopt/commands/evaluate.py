@@ -8,7 +8,7 @@ import typer
 
 from fidelity.assemble import assemble, traced
 from mfopt.commands.shared import FromRun, StudyFile, ValuesGiven, chosen_design
-from mfopt.objective import objective_named
+from mfopt.objective import judged, objective_named
 from mfopt.study import read_study
 
 
@@ -32,7 +32,10 @@ def evaluate(
     outcome = chosen.evaluate(x, seed=seed)
     terms = {}
     if outcome.finished:
-        terms = objective_named(study.problem.objective)(outcome.raw)
+        objective = objective_named(study.problem.objective, study.problem.objective_settings)
+        outcome, _ = judged(objective, outcome)
+    if outcome.finished:
+        terms = objective(outcome.raw)
     answer = {
         "design": parts.problem.named(x),
         "level": outcome.level,

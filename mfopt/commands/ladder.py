@@ -42,7 +42,8 @@ def _planned_runs(study: Study, parts: Assembled) -> dict[str, str]:
     planned = {}
     for name in parts.ladder.names:
         search = sum(s.runs for s in stages if s.level == name)
-        confirm = 2 * study.confirm.seeds if name == parts.ladder.top.name else 0
+        after = study.confirm.runs(starts=parts.starts is not None)
+        confirm = after if name == parts.ladder.top.name else 0
         if stages:
             planned[name] = str(search + confirm)
         else:
@@ -54,7 +55,7 @@ def spending(study: Study, parts: Assembled) -> str:
     """What the study may spend in all, in runs of the target level."""
     x, its = parts.problem.baseline, study.search
     full_run = parts.ladder.top.work(x)
-    after: float = 2.0 * study.confirm.seeds
+    after = float(study.confirm.runs(starts=parts.starts is not None))
     if parts.reference_level is not None:
         after += 2.0 * parts.reference_level.work(x) / full_run
     if its.budget is not None:
@@ -66,6 +67,6 @@ def spending(study: Study, parts: Assembled) -> str:
         runs = ((parts.ladder[s.level], s.runs) for s in stages)
         spent = sum(level.work(x) * n for level, n in runs) / full_run
     return (
-        f"The search may spend {spent:.3g} full runs, {how}; confirmation and reference "
+        f"The search may spend {spent:.3g} full runs, {how}; finalists, confirmation and reference "
         f"{after:.3g} more. A full run is one run of {parts.ladder.top.name}, the target level."
     )

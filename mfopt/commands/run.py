@@ -2,6 +2,7 @@
 
 import os
 from collections import Counter
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -9,6 +10,7 @@ import typer
 from rich.console import Console
 
 from fidelity.assemble import Assembled, assemble
+from mfopt.arrays import Array
 from mfopt.begin import begin, begin_reference, check_disk
 from mfopt.cluster import dask_cluster
 from mfopt.commands.report import write_reports
@@ -43,7 +45,7 @@ def run(
 
     study, text = read_study(study_file)
     parts = assemble(study, where=str(study_file))
-    search = _search(study, parts)
+    _search(study, parts, parts.problem.baseline)  # refused here, before anything is written
     workers = study.run.workers or len(os.sched_getaffinity(0))
     address = study.run.scheduler
     runner = Runner(dask_cluster(address) if address else local_processes(workers))
@@ -53,16 +55,20 @@ def run(
     with full_disk_named(path), writing(path):
         into = begin(path, text, _header(study, parts, workers), resume=resume)
         _prepare(study, parts, on)
-        with _display(study, parts, search, on) as display:
+        with _display(study, parts, on) as display:
             _begin_reference(into, parts, on)
             run_study(
                 parts.problem,
                 parts.ladder,
-                search,
+                partial(_search, study, parts),
                 runner,
                 into,
                 confirm_on=parts.confirm_on,
                 confirm_seeds=study.confirm.seeds,
+                objective=study.problem.objective,
+                objective_settings=study.problem.objective_settings,
+                starts=parts.starts,
+                finals=study.confirm.finals,
                 window=window(into.header["workers"]),
                 reference=parts.reference_level,
                 watch=display.watch,
@@ -92,14 +98,16 @@ def _demand_result(run: RunDirectory, target: str) -> None:
     )
 
 
-def _search(study: Study, parts: Assembled) -> Search:
-    """The search that the study asks for; what it needs is only then loaded."""
+def _search(study: Study, parts: Assembled, start: Array) -> Search:
+    """The search that the study asks for, from a design; what it needs is only then loaded."""
     its, objective = study.search, study.problem.objective
     if its.method == "cma-es":
         from mfopt.cmaes import CmaEs
 
         stages = its.stages(objective)
-        return CmaEs(parts.problem, stages, seed=study.study.seed, exchange=its.exchange)
+        return CmaEs(
+            parts.problem, stages, seed=study.study.seed, exchange=its.exchange, start=start
+        )
     from mfopt.assisted import AssistedCmaEs
     from surrogates.autoregressive import AutoregressiveGp
 
@@ -115,6 +123,7 @@ def _search(study: Study, parts: Assembled) -> Search:
         objective=objective,
         seeds=its.seeds,
         exchange=its.exchange,
+        start=start,
     )
 
 
@@ -133,21 +142,21 @@ def _begin_reference(run: RunDirectory, parts: Assembled, on: Console) -> None:
         on.print(why)
 
 
-def _display(study: Study, parts: Assembled, search: Search, on: Console) -> "ProgressDisplay":
+def _display(study: Study, parts: Assembled, on: Console) -> "ProgressDisplay":
     """The progress, with the work of the confirmation planned."""
     from mfopt.progress import ProgressDisplay
 
     at_top = parts.ladder.top.name
     work = {level.name: level.work(parts.problem.baseline) for level in parts.all_levels}
+    after = study.confirm.runs(starts=parts.starts is not None)
     once_more = 0.0 if parts.reference_level is None else work[parts.reference_level.name]
     return ProgressDisplay(
         on,
         work=work,
         full_run=work[at_top],
         unit=parts.problem.objective_unit,
-        confirm_work=2 * (study.confirm.seeds * work[at_top] + once_more),
+        confirm_work=after * work[at_top] + 2 * once_more,
         budget=None if study.search.budget is None else study.search.budget * work[at_top],
-        insight=lambda: search.insight,
     )
 
 
@@ -159,6 +168,8 @@ def _header(study: Study, parts: Assembled, workers: int) -> dict[str, Any]:
         seed=study.study.seed,
         method=study.search.method,
         objective=study.problem.objective,
+        objective_settings=study.problem.objective_settings,
+        starts=parts.starts,
         workers=workers,
         levels=parts.described,
         versions=parts.versions,

@@ -15,7 +15,9 @@ from mfopt.run import Progress
 WORK = {"fine": 10.0, "fine-yade": 300.0}
 
 
-def shown(*runs: tuple[str, int, Purpose], left: int = 0, **given: Any) -> list[str]:
+def shown(
+    *runs: tuple[str, int, Purpose], left: int = 0, insight: Insight | None = None, **given: Any
+) -> list[str]:
     """What is printed for runs of a level, a generation and a purpose."""
     console = Console(file=io.StringIO(), width=200)
     display = ProgressDisplay(
@@ -27,7 +29,7 @@ def shown(*runs: tuple[str, int, Purpose], left: int = 0, **given: Any) -> list[
             outcome = Outcome(x, level, 1, "finished")
             candidate = Candidate(0, x, level, 1, generation, purpose)
             its = Evaluation(candidate, outcome, 0.5)
-            display.watch(Progress(its, [("fine", left)], replayed=False))
+            display.watch(Progress(its, [("fine", left)], replayed=False, insight=insight))
     assert isinstance(console.file, io.StringIO)
     return [line for line in console.file.getvalue().splitlines() if line]
 
@@ -67,7 +69,7 @@ def test_a_budget_fixes_the_total_and_the_prediction_is_the_best() -> None:
     its = Insight(1, 0.9, 4, "fine", (0.0,), 0.4, 0.01)
     lines = shown(
         ("fine", 1, "search"), ("fine", 2, "search"), ("fine", 0, "confirm best"),
-        left=17, budget=20.0, insight=lambda: its,
+        left=17, budget=20.0, insight=its,
     )  # fmt: skip
     assert [line.split("  ")[1] for line in lines] == [
         "best 0.4 \u00b1 0.02 s (estimated for fine)"

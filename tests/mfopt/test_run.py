@@ -10,8 +10,8 @@ from mfopt.errors import ConfigError
 from mfopt.executor import Runner, one_thread
 from mfopt.function_level import FunctionLevel
 from mfopt.level import Ladder, Level
-from mfopt.problem import Problem, Variable
 from mfopt.phases import CONFIRM_SEED
+from mfopt.problem import Problem, Variable
 from mfopt.run import run_study
 from mfopt.search import Stage
 from mfopt.store import RunDirectory, create, open_run
@@ -36,8 +36,8 @@ def study(
     ladder = Ladder((FunctionLevel("coarse", function), FunctionLevel("fine", function, 10.0)))
     search = CmaEs(PROBLEM, STAGES, seed=seed)
     run_study(
-        PROBLEM, ladder, lambda _: search, Runner(one_thread), run, confirm_on=ladder, confirm_seeds=2,
-        reference=reference,
+        PROBLEM, ladder, lambda _: search, Runner(one_thread), run,
+        confirm_on=ladder, confirm_seeds=2, reference=reference,
     )  # fmt: skip
 
 
