@@ -168,31 +168,67 @@ def _own_problem(settings: ProblemSettings, where: str) -> Problem:
 def _level(
     table: Mapping[str, Any], dosing: DosingSettings | None, problem: Problem, where: str
 ) -> tuple[Level, Mapping[str, Any]]:
-    engine = table.get("engine")
-    match engine:
-        case "command":
-            own = checked(CommandLevelSettings, table, where=where)
+    settings = level_settings(table, where)
+    match settings:
+        case CommandLevelSettings():
             level = CommandLevel(
-                own.name, tuple(own.command), problem.names, own.work, own.time_limit_s
+                settings.name,
+                tuple(settings.command),
+                problem.names,
+                settings.work,
+                settings.time_limit_s,
             )
             level.check()
             return level, {"engine": "command"}
-        case "reduced":
-            reduced = checked(ReducedLevelSettings, table, where=where)
-            scene = _needs_dosing(dosing, "reduced", where)
+        case ReducedLevelSettings():
+            scene = _needs_dosing(dosing, settings.engine, where)
             return (
-                ReducedDosing(reduced.name, scene, reduced.grains),
-                {"engine": "reduced", "grains": reduced.grains},
+                ReducedDosing(settings.name, scene, settings.grains),
+                {"engine": "reduced", "grains": settings.grains},
             )
+        case DemLevelSettings():
+            scene = _needs_dosing(dosing, str(settings.engine), where)
+            return _dosing_level(settings, scene, where)
+
+
+def level_settings(
+    table: Mapping[str, Any], where: str
+) -> CommandLevelSettings | ReducedLevelSettings | DemLevelSettings:
+    """What a table of a study says of a level, with what it leaves out filled in.
+
+    Raises:
+        ConfigError: if the engine is none, or a key is wrong.
+    """
+    match engine := table.get("engine"):
+        case "command":
+            return checked(CommandLevelSettings, table, where=where)
+        case "reduced":
+            return checked(ReducedLevelSettings, table, where=where)
         case "numba" | "yade" | "bullet" | list():
-            dem = checked(DemLevelSettings, table, where=where)
-            scene = _needs_dosing(dosing, str(engine), where)
-            return _dosing_level(dem, scene, where)
+            return checked(DemLevelSettings, table, where=where)
         case _:
             raise ConfigError(
                 f"{where}: engine = {engine!r} must be one of 'reduced', {_listed(DEM_NAMES)}, "
                 f"'command', or a list of {_listed(DEM_NAMES)} in order of preference"
             )
+
+
+def drawn(study: Study, *, where: str) -> tuple[DosingSettings, DemSettings | None] | None:
+    """The machine of a study and the grains of its target level, as far as a picture needs them.
+
+    No engine is asked for, so that a run can be looked at where its engine is not installed.
+
+    Returns:
+        None for a problem of the user's own; no grains for a target level without any.
+
+    Raises:
+        ConfigError: if a table is wrong.
+    """
+    dosing = _dosing(study.problem, where)
+    if dosing is None:
+        return None
+    target = level_settings(study.level[-1], f"{where}: level {len(study.level)}")
+    return dosing, target if isinstance(target, DemLevelSettings) else None
 
 
 def _dosing_level(

@@ -1,22 +1,34 @@
 """Beginning a run in a directory, or going on with the one that it holds."""
 
+import json
+import os
 import shutil
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from mfopt.differences import Difference, differences, named
 from mfopt.errors import ConfigError
 from mfopt.evaluation import Reference
+from mfopt.files import disk_errors_named
 from mfopt.store import RunDirectory, create, open_run
 
 LEAST_DISK = 100e6  # [bytes] a run of 1000 evaluations of 1000 grains takes about half
-FIXED = ("mfopt_version", "versions", "levels")  # must not change over a resume
+
+# Entries of the header that say what a run is. Others say when, where and by how many it is made.
+MEANING = (
+    "mfopt_version", "versions", "settings", "variables", "baseline", "objective",
+    "objective_settings", "objective_unit", "seed", "method", "levels",
+)  # fmt: skip
+REMEDY = "resume with what it was begun with, or give another directory"
 
 
 def begin(path: Path, study: str, header: Mapping[str, Any], *, resume: bool) -> RunDirectory:
-    """Create the run directory, or make sure that it holds this very study.
+    """Create the run directory, or make sure that it holds this very run.
 
+    A run that is there may have a smaller budget, fewer generations or fewer seeds of the
+    confirmation. Then it is extended, and goes on from what was made for the smaller one.
     To be called within `mfopt.store.writing`, so that of two starts only one goes on.
 
     Args:
@@ -26,24 +38,59 @@ def begin(path: Path, study: str, header: Mapping[str, Any], *, resume: bool) ->
         resume: go on with a run that is there.
 
     Raises:
-        ConfigError: if there is a run and `resume` is off, if it is of another study or was
-            begun with other programs, or if it cannot be written.
+        ConfigError: if there is a run and `resume` is off, if it is another one than `header` says,
+            or if it cannot be written.
     """
-    if not (resume and (path / "run.json").exists()):
+    if not (resume and os.path.lexists(path / "run.json")):
         return create(path, study, header)
-    run = open_run(path)
-    if run.study_file.read_text(encoding="utf-8") != study:
-        raise ConfigError(
-            f"{path} holds another study than the one given, its own is {run.study_file}; "
-            "resume with that one, or give another --directory"
-        )
-    for key in FIXED:
-        if run.header.get(key) != header[key]:
-            raise ConfigError(
-                f"{path} was begun with another {key}: {_change(run.header.get(key), header[key])}"
-                "; resume with what it was begun with, or give another --directory"
-            )
+    run, now = open_run(path), json.loads(json.dumps(header))
+    found = list(differences(_meaning(run.header), _meaning(now)))
+    if others := [difference for difference in found if not _grown(difference)]:
+        raise ConfigError(f"{path} holds another run than the one given: {named(others)}; {REMEDY}")
+    if found:
+        settings = now["settings"]
+        spent = budgets(run.header) + budgets(now)
+        run.extend({"settings": settings, "budgets": list(dict.fromkeys(spent))}, study)
+    elif not _holds_its_study(run):
+        run.extend({}, study)
     return run
+
+
+def budgets(header: Mapping[str, Any]) -> list[float]:
+    """Budgets that the search of a run was given, one after the other; none if it needs none.
+
+    The search decides with the first until that is spent, then with the next. So an extended run
+    begins with all that was made for the smaller budget.
+    """
+    budget = header.get("settings", {}).get("search", {}).get("budget")
+    return list(header.get("budgets") or filter(None, [budget]))
+
+
+def _meaning(header: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: header.get(key) for key in MEANING}
+
+
+def _grown(difference: Difference) -> bool:
+    """Whether a run can go on with this difference, because it only asks for more."""
+    match difference.place:
+        case (
+            ("settings", "search", "budget")
+            | ("settings", "search", "generations")
+            | ("settings", "search", "generations", _)
+            | ("settings", "search", "stage", _, "generations")
+            | ("settings", "confirm", "seeds")
+        ):
+            old, new = difference.old, difference.new
+            return isinstance(old, int | float) and isinstance(new, int | float) and new > old
+    return False
+
+
+def _holds_its_study(run: RunDirectory) -> bool:
+    try:
+        run.study()
+    except ConfigError:
+        return False
+    return True
 
 
 def begin_reference(run: RunDirectory, now: Reference | None) -> None:
@@ -58,22 +105,13 @@ def begin_reference(run: RunDirectory, now: Reference | None) -> None:
         return
     made = any(purpose.startswith("reference") for purpose in run.purposes)
     if made and now.why_not is None:
+        before = asdict(run.reference) if run.reference else None
+        changed = list(differences(before, asdict(now), ("reference",)))
         raise ConfigError(
-            f"{run.path} has a reference run by another version: "
-            f"{_change(asdict(run.reference) if run.reference else None, asdict(now))}; "
-            "resume with what it was begun with, or give another --directory"
+            f"{run.path} has a reference run by another version: {named(changed)}; {REMEDY}"
         )
     if not made:
         run.add_reference(now)
-
-
-def _change(old: Any, new: Any) -> str:
-    if isinstance(old, dict) and isinstance(new, dict):
-        keys = sorted(key for key in {*old, *new} if old.get(key) != new.get(key))
-        return ", ".join(f"{key} {old.get(key)} (now {new.get(key)})" for key in keys)
-    if isinstance(old, list) and isinstance(new, list) and len(old) == len(new):
-        return ", ".join(f"{a} (now {b})" for a, b in zip(old, new, strict=True) if a != b)
-    return f"{old} (now {new})"
 
 
 def check_disk(path: Path) -> None:
@@ -82,10 +120,11 @@ def check_disk(path: Path) -> None:
     Raises:
         ConfigError: if the disk is nearly full.
     """
-    if (path / "run.json").exists():
+    if os.path.lexists(path / "run.json"):
         return
     parent = next(p for p in (path, *path.absolute().parents) if p.exists())
-    free = shutil.disk_usage(parent).free
+    with disk_errors_named(parent, "read"):
+        free = shutil.disk_usage(parent).free
     if free < LEAST_DISK:
         raise ConfigError(
             f"{free / 1e6:.0f} MB of disk are free for {path}, below the {LEAST_DISK / 1e6:.0f} MB "

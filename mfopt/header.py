@@ -28,6 +28,7 @@ def header(
     starts: Starts | None = None,
     levels: Sequence[Mapping[str, Any]] = (),
     versions: Mapping[str, str] | None = None,
+    settings: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Describe a run before it starts, in what JSON can hold.
 
@@ -36,6 +37,7 @@ def header(
         starts: designs that the search may start from.
         levels: per level, what a report should say of it: `engine`, `grains`, ...
         versions: of the simulators behind the levels.
+        settings: all that was chosen besides; `search`, `confirm` and others by name.
     """
     described = levels or [{} for _ in ladder]
     return {
@@ -71,4 +73,5 @@ def header(
         else {name: [float(value) for value in x] for name, x in starts.designs.items()},
         "objective_unit": problem.objective_unit,
         "workers": workers,
+        "settings": settings or {},
     }

@@ -91,6 +91,16 @@ class RunDirectory:
         return len(self._stored)
 
     @property
+    def made(self) -> int:
+        """Evaluations made, those included that an extended run does not use."""
+        return self._made
+
+    @property
+    def kept(self) -> int:
+        """Evaluations made before an extension, and not used again so far."""
+        return len(self._earlier)
+
+    @property
     def purposes(self) -> set[str]:
         """What the evaluations are for, those before an extension included."""
         return {its["purpose"] for its in (*self._stored.values(), *self._earlier.values())}
@@ -187,9 +197,15 @@ class RunDirectory:
         """Say that an evaluation is of no use, because its arrays are damaged."""
         self._add({"kind": "lost", "index": index})
 
-    def extend(self, changed: Mapping[str, Any]) -> None:
-        """Let the run go on with other entries of its header; its search is to be replayed."""
-        self._add({"kind": "extended", "header": dict(changed)})
+    def extend(self, changed: Mapping[str, Any], study: str) -> None:
+        """Let the run go on with other entries of its header; its search is to be replayed.
+
+        Args:
+            study: text of the study that says so, to be kept in place of the one before.
+        """
+        content = study.encode()
+        self._add({"kind": "extended", "header": {**changed, "study_check": digest(content)}})
+        write_aside(self.study_file, content)
 
     def use_again(self, candidate: Candidate) -> Evaluation | None:
         """An evaluation made before the run was extended that is of this very candidate."""

@@ -7,49 +7,50 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
-from fidelity.assemble import Assembled, assemble
+from fidelity.assemble import drawn
 from fidelity.bound import filling_time_bound, smallest_filling_time_bound
 from fidelity.dosing import cup_motion, design, design_parts
-from fidelity.dosing_level import DosingLevel
 from fidelity.dosing_run import dosing_grain
-from fidelity.settings import DosingSettings
+from fidelity.settings import DemSettings, DosingSettings
 from geometry.manufacturability import manufacturability
 from mfopt.arrays import Array
 from mfopt.commands.shared import Quiet, RunPath, console
 from mfopt.files import full_disk_named
-from mfopt.level import Level
 from mfopt.store import open_run
-from mfopt.study import read_study
+from mfopt.study import Study, read_study
 from reports.design import Describe, DesignView, no_view
 
 
 def report(path: RunPath, quiet: Quiet = False) -> None:
     """Write report.html and report.pdf of a finished, running or broken-off run."""
-    study_file, parts = open_run(path).study_file, None
-    if study_file.stat().st_size:  # a run of `mfopt.minimize` has an empty one
-        study, _ = read_study(study_file)
-        parts = assemble(study, where=str(study_file))
+    its, study = open_run(path), None
+    if its.study():  # a run of `mfopt.minimize` has an empty one
+        study, _ = read_study(its.study_file)
     with full_disk_named(path):
-        write_reports(path, parts, console(quiet=quiet))
+        write_reports(path, study, console(quiet=quiet))
 
 
-def write_reports(path: Path, parts: Assembled | None, on: Console) -> None:
+def write_reports(path: Path, study: Study | None, on: Console) -> None:
+    """Write the reports of a run of a study, or of one of `mfopt.minimize`."""
     from reports.write import write_report
 
     describe: Describe = no_view
-    if parts is not None and (dosing := parts.dosing) is not None:
-        bound = _finite(smallest_filling_time_bound(dosing))
-        describe = partial(_view, dosing, parts.confirm_on.top, bound)
+    seen = None if study is None else drawn(study, where=str(path / "study.toml"))
+    if seen is not None:
+        bound = _finite(smallest_filling_time_bound(seen[0]))
+        describe = partial(_view, *seen, bound)
     pages = {"html": path / "report.html", "pdf": path / "report.pdf"}
     write_report(open_run(path), describe=describe, **pages)
     for page in pages.values():
         on.print(f"wrote {page}")
 
 
-def _view(dosing: DosingSettings, top: Level, bound_any_s: float | None, x: Array) -> DesignView:
+def _view(
+    dosing: DosingSettings, dem: DemSettings | None, bound_any_s: float | None, x: Array
+) -> DesignView:
     """What a report shows of a design besides its numbers."""
     machine, motion = design(dosing, x), cup_motion(dosing, x)
-    grain = dosing_grain(dosing, top.dem) if isinstance(top, DosingLevel) else None
+    grain = None if dem is None else dosing_grain(dosing, dem)
     no_grain = np.empty((0, 3))
     law = machine.motion
     points = {"P1": (law.x1, law.y1), "P2": (law.x2, law.y2)}

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.console import Console
 
-from fidelity.assemble import Assembled, assemble
+from fidelity.assemble import Assembled, assemble, level_settings
 from mfopt.arrays import Array
 from mfopt.begin import begin, begin_reference, check_disk
 from mfopt.cluster import dask_cluster
@@ -55,8 +55,13 @@ def run(
     with full_disk_named(path), writing(path):
         into = begin(path, text, _header(study, parts, workers), resume=resume)
         _prepare(study, parts, on)
+        _begin_reference(into, parts, on)
+        made, ended = into.made, into.end
+        if into.kept:
+            on.print(
+                f"{into.kept} runs made before are used wherever the study asks for them again"
+            )
         with _display(study, parts, on) as display:
-            _begin_reference(into, parts, on)
             run_study(
                 parts.problem,
                 parts.ladder,
@@ -73,7 +78,9 @@ def run(
                 reference=parts.reference_level,
                 watch=display.watch,
             )
-        write_reports(path, parts, on)
+        if ended is not None and into.made == made:
+            on.print(f"nothing was left to do: {ended}")
+        write_reports(path, study, on)
     print_result(path, on, as_json=as_json)
     own, simulators = display.cpu()
     on.print(f"mfopt itself took {own:.1f} s of CPU, {own / (own + simulators):.1%} of all")
@@ -173,4 +180,15 @@ def _header(study: Study, parts: Assembled, workers: int) -> dict[str, Any]:
         workers=workers,
         levels=parts.described,
         versions=parts.versions,
+        settings=_settings(study, parts),
     )
+
+
+def _settings(study: Study, parts: Assembled) -> dict[str, Any]:
+    """All that a study says of what is run, with what it leaves out filled in."""
+    its = study.model_dump(mode="json", include={"problem", "level", "search", "confirm"})
+    del its["confirm"]["reference"]  # may be there later
+    its["level"] = [level_settings(t, "level").model_dump(mode="json") for t in study.level]
+    if parts.dosing is not None:
+        its["problem"]["dosing"] = parts.dosing.model_dump(mode="json")
+    return its

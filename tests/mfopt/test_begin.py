@@ -1,11 +1,13 @@
 """Beginning a run, and going on with one: what may have changed in between."""
 
+import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from mfopt.begin import begin_reference
+from mfopt.begin import begin, begin_reference, budgets
 from mfopt.errors import ConfigError
 from mfopt.evaluation import Candidate, Evaluation, Purpose, Reference
 from mfopt.outcome import Outcome
@@ -60,3 +62,97 @@ def test_what_was_made_with_an_engine_stands_when_it_is_gone(tmp_path: Path) -> 
 def test_two_versions_are_not_mixed(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"version 2023\.02a \(now 2024\.01\)"):
         noted(tmp_path / "a", HERE, NEWER, after=made("reference best"))
+
+
+def described(**changed: object) -> dict[str, object]:
+    """What the header of a run says, as far as it is compared."""
+    settings = {
+        "search": {"budget": 20.0, "sigma": 0.2, "generations": {"c": 3}, "exchange": ("a", "b"),
+                   "stage": [{"level": "c", "generations": 2}]},
+        "confirm": {"seeds": 2},
+    }  # fmt: skip
+    return {
+        "mfopt_version": "1", "versions": {"numpy": "2"}, "seed": 1, "method": "assisted",
+        "variables": [{"name": "a", "lower": 0.0, "upper": 1.0, "unit": "-"}], "baseline": [0.5],
+        "objective": "returned", "levels": [{"name": "c", "work": 1.0}], "settings": settings,
+        "created": "now", "workers": 2, "study": "s",
+    } | changed  # fmt: skip
+
+
+def with_settings(table: str, **changed: object) -> dict[str, object]:
+    settings = dict(described()["settings"])  # type: ignore[call-overload]
+    return described(settings=settings | {table: settings[table] | changed})
+
+
+def test_what_does_not_change_the_meaning_goes_on(tmp_path: Path) -> None:
+    begin(tmp_path, "a = 1", described(), resume=False)
+    now = described(created="later", workers=5, study="renamed")
+    run = begin(tmp_path, "a = 1  # a comment", now, resume=True)
+    assert (run.study(), run.header["workers"], run.kept) == ("a = 1", 2, 0)
+
+
+@pytest.mark.parametrize(
+    ("now", "message"),
+    [
+        (described(seed=2), r"seed 1 \(now 2\)"),
+        (described(baseline=[0.4]), r"baseline 1 0\.5 \(now 0\.4\)"),
+        (described(versions={"numpy": "3"}), r"versions numpy 2 \(now 3\)"),
+        (described(variables=[{"name": "b", "lower": 0.0, "upper": 1.0, "unit": "-"}]),
+         r"variables a name a \(now b\)"),
+        (described(variables=[{"name": "a", "lower": -1.0, "upper": 1.0, "unit": "-"}]),
+         r"variables a lower 0\.0 \(now -1\.0\)"),
+        (described(levels=[{"name": "c", "work": 2.0}]), r"levels c work 1\.0 \(now 2\.0\)"),
+        (described(levels=[{"name": "c", "work": 1.0}, {"name": "d"}]), r"levels d nothing \(now"),
+        (described(method="cma-es", objective="other"), r"objective returned .*method assisted"),
+        (with_settings("search", sigma=0.3), r"settings search sigma 0\.2 \(now 0\.3\)"),
+        (with_settings("search", budget=10.0), r"settings search budget 20\.0 \(now 10\.0\)"),
+        (with_settings("search", budget=None), r"settings search budget 20\.0 \(now nothing\)"),
+        (with_settings("confirm", seeds=1), r"settings confirm seeds 2 \(now 1\)"),
+    ],
+)  # fmt: skip
+def test_another_run_is_refused_by_what_differs(
+    now: dict[str, object], message: str, tmp_path: Path
+) -> None:
+    begin(tmp_path, "", described(), resume=False)
+    with pytest.raises(ConfigError, match=f"another run than the one given: .*{message}"):
+        begin(tmp_path, "", now, resume=True)
+    assert open_run(tmp_path).end is None
+
+
+@pytest.mark.parametrize(
+    "now",
+    [with_settings("search", budget=30.0), with_settings("confirm", seeds=3),
+     with_settings("search", generations={"c": 4}),
+     with_settings("search", stage=[{"level": "c", "generations": 9}])],
+)  # fmt: skip
+def test_a_run_is_extended_by_what_asks_for_more(now: dict[str, object], tmp_path: Path) -> None:
+    run = begin(tmp_path, "small", described(), resume=False)
+    run.add_evaluation(made("search"))
+    run.add_end("the budget is spent")
+    run = begin(tmp_path, "large", now, resume=True)
+    assert (len(run), run.kept, run.end, run.study()) == (0, 1, None, "large")
+    again = run.use_again(replace(made("search").candidate, index=7, generation=2))
+    assert again is not None
+    assert (again.candidate.index, again.candidate.generation, again.objective) == (7, 2, 0.5)
+    assert run.use_again(again.candidate) is None  # each is used once
+    run = begin(tmp_path, "large", now, resume=True)
+    assert [e.candidate.index for e in run.evaluations()] == [7]
+    assert (run.made, run.kept, run.study()) == (1, 0, "large")
+    np.testing.assert_equal(dict(run.header["settings"]), json.loads(json.dumps(now["settings"])))
+
+
+def test_budgets_are_spent_one_after_the_other(tmp_path: Path) -> None:
+    begin(tmp_path, "", described(), resume=False)
+    for budget in (30.0, 30.0, 45.0):
+        run = begin(tmp_path, "", with_settings("search", budget=budget), resume=True)
+    assert budgets(run.header) == budgets(open_run(tmp_path).header) == [20.0, 30.0, 45.0]
+    with pytest.raises(ConfigError, match=r"budget 45\.0 \(now 30\.0\)"):
+        begin(tmp_path, "", with_settings("search", budget=30.0), resume=True)
+
+
+def test_a_lost_study_file_is_written_anew(tmp_path: Path) -> None:
+    begin(tmp_path, "given", described(), resume=False).add_evaluation(made("search"))
+    (tmp_path / "study.toml").unlink()
+    run = begin(tmp_path, "given, with a comment", described(), resume=True)
+    assert open_run(tmp_path).study() == "given, with a comment"
+    assert run.use_again(made("search").candidate) is not None

@@ -25,7 +25,7 @@ from mfopt.reevaluation import (
     gains,
     uncertainty,
 )
-from mfopt.run import run_study
+from mfopt.run import Progress, run_study
 from mfopt.search import Reevaluate, Stage
 from mfopt.store import create, open_run
 from mfopt.study import SearchSettings
@@ -274,20 +274,19 @@ def test_a_study_broken_off_among_replicates_resumes(rule: Reevaluate, tmp_path:
         return float(np.sum(x**2) + 9.0 * rng.normal())
 
     def run(name: str, breaks_at: int = -1) -> list[tuple[object, ...]]:
-        calls = 0
+        made = 0
 
-        def counted(x: Array, seed: int) -> float:
-            nonlocal calls
-            calls += 1
-            if calls == breaks_at:
+        def interrupt(progress: Progress) -> None:
+            nonlocal made
+            made += 1
+            if made == breaks_at:
                 raise KeyboardInterrupt
-            return noisy(x, seed)
 
-        path, ladder = tmp_path / name, Ladder((FunctionLevel("l", counted),))
+        path, ladder = tmp_path / name, Ladder((FunctionLevel("l", noisy),))
         directory = open_run(path) if path.exists() else create(path, "", {})
         run_study(
             PROBLEM, ladder, lambda _: search(rule, 5), Runner(one_thread), directory,
-            confirm_on=ladder, confirm_seeds=0, window=3,
+            confirm_on=ladder, confirm_seeds=0, window=3, watch=interrupt,
         )  # fmt: skip
         return [
             (e.candidate.index, e.candidate.x.tobytes(), e.candidate.seed, e.objective)
