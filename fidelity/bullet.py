@@ -10,15 +10,16 @@ for contact springs and not used. A grain's spheres, mass and inertia are the se
 import importlib.metadata
 import importlib.util
 import sys
-import tempfile
 from dataclasses import dataclass
-from pathlib import Path
 
 from fidelity.engine import Grain, Material, Movement, Physics, Setup
 from fidelity.exchange import failed_movement, read_movement, write_setup
 from fidelity.process import run_logged
 from fidelity.refuse import refuse
 from mfopt.errors import ConfigError
+from mfopt.scratch import scratch
+
+LAST_PYTHON = (3, 11)  # that PyBullet has a wheel for
 
 LACKS = (
     "contact_law",
@@ -61,7 +62,7 @@ class BulletEngine:
             ConfigError: if it is not installed.
         """
         if importlib.util.find_spec("pybullet") is None:
-            raise ConfigError("engine bullet: PyBullet is missing; run `pip install pybullet`")
+            raise ConfigError(f"engine bullet: PyBullet is missing; {remedy(sys.version_info[:2])}")
         return f"pybullet {importlib.metadata.version('pybullet')}"
 
     def timestep(
@@ -77,12 +78,11 @@ class BulletEngine:
             ConfigError: if the setup asks for physics that Bullet lacks.
         """
         refuse(self.name, setup.physics, lacks=LACKS)
-        with tempfile.TemporaryDirectory(prefix="mfopt-bullet-") as name:
-            directory = Path(name)
+        with scratch() as directory:
             settings = {"timestep": self.timestep_s, "iterations": self.iterations}
             write_setup(setup, directory, settings)
             ended = run_logged(
-                [sys.executable, "-m", "fidelity.bullet_script", name],
+                [sys.executable, "-m", "fidelity.bullet_script", str(directory)],
                 directory=directory,
                 time_limit_s=time_limit_s,
             )
@@ -96,3 +96,14 @@ class BulletEngine:
                 setup, "crashed", f"{why}\n{ended.last_lines}", cpu_s=ended.cpu_s
             )
         return movement
+
+
+def remedy(python: tuple[int, int]) -> str:
+    """What to do where PyBullet is missing, in that version of Python."""
+    if python <= LAST_PYTHON:
+        return "run `pip install pybullet`"
+    wanted, found = (".".join(map(str, version)) for version in (LAST_PYTHON, python))
+    return (
+        f"it has no wheel for Python {found}: use Python {wanted} or older, or another engine, "
+        "such as numba"
+    )

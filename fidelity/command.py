@@ -11,10 +11,8 @@ in]. Only a JSON number is a number: neither `true` nor `"0.5"` nor `null`.
 import json
 import os
 import shutil
-import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,6 +21,7 @@ from fidelity.process import OUTPUT_LIMIT, Ended, run_logged
 from mfopt.arrays import AnyArray, Array, frozen
 from mfopt.errors import ConfigError, SimulationError
 from mfopt.outcome import Outcome, Status, why_no_work, why_not_a_name
+from mfopt.scratch import scratch
 
 MOST_DIMENSIONS = 32  # of an array, as in HDF5
 
@@ -74,11 +73,11 @@ class CommandLevel:
             "seed": seed,
             "level": self.name,
         }
-        with tempfile.TemporaryDirectory(prefix="mfopt-command-") as name:
+        with scratch() as directory:
             try:
                 ended = run_logged(
                     _absolute(self.command),
-                    directory=Path(name),
+                    directory=directory,
                     time_limit_s=self.time_limit_s,
                     stdin=json.dumps(question) + "\n",
                 )

@@ -3,7 +3,6 @@
 import math
 import shutil
 import subprocess
-import tempfile
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -14,6 +13,7 @@ from fidelity.exchange import failed_movement, read_movement, write_setup
 from fidelity.process import Ended, run_logged
 from fidelity.refuse import refusal, refuse
 from mfopt.errors import ConfigError
+from mfopt.scratch import scratch
 
 Precision = Literal["double", "longdouble", "float128"]
 
@@ -86,12 +86,11 @@ class YadeEngine:
         _check(self.name, setup.physics)
         _version(PROGRAMS[self.precision])
         settings = {"timestep": self._smallest_timestep(setup), **_trace_settings(self.trace)}
-        with tempfile.TemporaryDirectory(prefix="mfopt-yade-") as name:
-            directory = Path(name)
+        with scratch() as directory:
             write_setup(setup, directory, settings)
             (directory / f"{_NO_SERVERS}.py").write_text(_NO_SERVERS_SOURCE, encoding="utf-8")
             options = ["-n", "-x", "-j1", "-L", _NO_SERVERS]
-            command = [PROGRAMS[self.precision], *options, str(_SCRIPT), name]
+            command = [PROGRAMS[self.precision], *options, str(_SCRIPT), str(directory)]
             ended = run_logged(command, directory=directory, time_limit_s=time_limit_s)
             movement = read_movement(directory, cpu_s=ended.cpu_s)
         if ended.timed_out:

@@ -1,7 +1,5 @@
 """`minimize`: the user's own simulators over a ladder of levels, in one call."""
 
-import math
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,8 +17,10 @@ from mfopt.function_level import FunctionLevel, Simulator
 from mfopt.header import header
 from mfopt.level import Ladder, Level
 from mfopt.local_workers import local_processes
+from mfopt.outcome import LARGEST_WORK, SMALLEST_WORK
 from mfopt.problem import Constraint, Problem, Variable
 from mfopt.run import run_study
+from mfopt.scratch import scratch
 from mfopt.search import Reevaluate, Search, Stage, default_population_size, rungs, window
 from mfopt.store import writing
 from mfopt.surrogate import Surrogate
@@ -119,8 +119,8 @@ def minimize(
     runner = Runner(local_processes(workers) if workers > 1 else one_thread)
     if workers > 1:
         runner.check(ladder)
-    with tempfile.TemporaryDirectory(prefix="mfopt-") as scratch:
-        path = Path(directory) if directory is not None else Path(scratch) / "run"
+    with scratch() as folder:
+        path = Path(directory) if directory is not None else folder / "run"
         with writing(path):
             now = header(
                 problem, ladder, name=path.name, seed=seed, objective="returned",
@@ -169,6 +169,9 @@ def _as_levels(
             "give one for each"
         )
     for name, cost in given.items():
-        if not (math.isfinite(cost) and cost > 0.0):
-            raise ConfigError(f"costs: {name} = {cost} must be a finite number above 0")
+        if not SMALLEST_WORK <= cost <= LARGEST_WORK:
+            raise ConfigError(
+                f"costs: {name} = {cost} must be a number from {SMALLEST_WORK:g} to "
+                f"{LARGEST_WORK:g}"
+            )
     return tuple(FunctionLevel(name, f, given[name]) for name, f in levels.items())

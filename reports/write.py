@@ -6,10 +6,10 @@ import shutil
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from mfopt.files import write_aside
+from mfopt.scratch import scratch
 from mfopt.store import RunDirectory
 from reports.design import Describe, no_view
 from reports.page import context
@@ -63,8 +63,7 @@ def _pdf(page: Mapping[str, Any]) -> bytes:
     import typst
     from matplotlib import get_data_path
 
-    with TemporaryDirectory(prefix="mfopt-") as name:
-        folder = Path(name)
+    with scratch() as folder:
         designs = []
         for i, (label, picture) in enumerate(page["designs"]):
             (folder / f"{i}.png").write_bytes(picture)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fidelity.bullet import BulletEngine
+from fidelity.bullet import BulletEngine, remedy
 from fidelity.bullet_script import available_energy, safe_timestep
 from fidelity.bullet_world import friction_factors, restitution
 from fidelity.engine import Material, Packing, Physics, Setup, Wall, WallMotion
@@ -177,3 +177,8 @@ def test_bad_settings_are_refused() -> None:
         BulletEngine(timestep_s=0.0)
     with pytest.raises(ConfigError, match="iterations"):
         BulletEngine(iterations=0)
+
+
+def test_where_pybullet_is_missing_the_version_of_python_is_named() -> None:
+    assert remedy((3, 11)) == "run `pip install pybullet`"
+    assert "no wheel for Python 3.13: use Python 3.11" in remedy((3, 13))

@@ -118,7 +118,7 @@ def test_with_a_surrogate_it_keeps_to_its_budget_and_corrects_the_coarse_level()
         ({"reevaluate": "ranks"}, 'reevaluate = "ranks" is for the search without a surrogate'),
         ({"surrogate": None}, "budget = 12 needs a surrogate"),
         ({"costs": {"coarse": 1}}, "costs are given for coarse, the levels are coarse, fine"),
-        ({"costs": {"coarse": 0, "fine": 1}}, "coarse = 0 must be a finite number above 0"),
+        ({"costs": {"coarse": 0, "fine": 1}}, "coarse = 0 must be a number from 1e-12"),
         ({"levels": [mfopt.FunctionLevel("fine", shifted_sphere)]}, "costs are for functions"),
     ],
 )
