@@ -7,10 +7,10 @@ import multiprocessing
 import os
 import secrets
 import stat
-import tempfile
 from pathlib import Path
 
 from mfopt.errors import ConfigError
+from mfopt.scratch import temporary_directory
 
 PROBE = bytes(2**20)  # what a cache that is not full can take
 
@@ -40,8 +40,8 @@ def _wanted() -> Path | None:
 
 def _temporary() -> Path | None:
     try:
-        return Path(tempfile.gettempdir()) / f"mfopt-cache-{os.geteuid()}"
-    except FileNotFoundError:
+        return temporary_directory() / f"mfopt-cache-{os.geteuid()}"
+    except ConfigError:
         return None
 
 

@@ -9,12 +9,10 @@ is lost, the study ends: no run is to blame.
 import concurrent.futures as cf
 import pickle
 import signal
-import tempfile
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 from mfopt.errors import ConfigError, SimulationError
@@ -23,6 +21,7 @@ from mfopt.files import full_disk_named
 from mfopt.level import Ladder, Level
 from mfopt.local_workers import LocalPool
 from mfopt.outcome import Outcome, checked, plain
+from mfopt.scratch import temporary_directory
 
 MakeExecutor = Callable[[], cf.Executor]
 TO_BE_LOADED = (
@@ -156,7 +155,7 @@ def evaluate(level: Level, x: Any, seed: int) -> Outcome:
         ConfigError: if no level could run here: a missing program, a full disk.
     """
     try:
-        with full_disk_named(Path(tempfile.gettempdir())):
+        with full_disk_named(temporary_directory()):
             return checked(level.evaluate(x, seed=seed), x, level.name, seed)
     except ConfigError:
         raise

@@ -68,13 +68,17 @@ class LocalPool(cf.ProcessPoolExecutor):
     @contextlib.contextmanager
     def _logged(self) -> Iterator[None]:
         """Let the processes that start here write to the log first."""
-        self._stderr.fd = os.dup(STDERR)
+        try:
+            usual = os.dup(STDERR)
+        except OSError:  # this process was started without one
+            usual = os.dup(self._log.fileno())
+        self._stderr.fd = usual
         try:
             os.dup2(self._log.fileno(), STDERR)
             yield
         finally:
-            os.dup2(self._stderr.fd, STDERR)
-            os.close(self._stderr.fd)
+            os.dup2(usual, STDERR)
+            os.close(usual)
 
     def why_not_started(self) -> MfoptError | None:
         """Why no worker has started yet, of a pool that is broken; None if one had."""

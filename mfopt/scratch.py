@@ -13,17 +13,40 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
+from mfopt.errors import ConfigError
+from mfopt.files import disk_errors_named
+
 PREFIX = "mfopt-scratch-"
 TRIES = 100  # at a folder that nobody else removes before it is locked
 
 
+def temporary_directory() -> Path:
+    """Where temporary files go: `$TMPDIR`, or what the system has for it.
+
+    Raises:
+        ConfigError: if there is none that can be written.
+    """
+    try:
+        return Path(tempfile.gettempdir())
+    except FileNotFoundError as error:
+        raise ConfigError(
+            "no temporary directory can be written; set TMPDIR to one that can"
+        ) from error
+
+
 @contextlib.contextmanager
 def scratch() -> Iterator[Path]:
-    """A new folder; the first in a process removes those of this user's dead processes."""
-    remove_leftovers(Path(tempfile.gettempdir()))
+    """A new folder; the first in a process removes those of this user's dead processes.
+
+    Raises:
+        ConfigError: if none can be made.
+    """
+    temporary = temporary_directory()
+    remove_leftovers(temporary)
     with contextlib.ExitStack() as stack:
         for _ in range(TRIES):
-            folder = tempfile.TemporaryDirectory(prefix=PREFIX, ignore_cleanup_errors=True)
+            with disk_errors_named(temporary, "write"):
+                folder = tempfile.TemporaryDirectory(prefix=PREFIX, ignore_cleanup_errors=True)
             stack.enter_context(folder)
             try:
                 if _locked(Path(folder.name), stack):

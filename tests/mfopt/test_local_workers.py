@@ -46,11 +46,13 @@ def search():
 """
 
 
-def run(script: str, directory: Path, *, stdin: bool = False) -> subprocess.CompletedProcess[str]:
+def run(
+    script: str, directory: Path, *, stdin: bool = False, command: tuple[str, ...] = ()
+) -> subprocess.CompletedProcess[str]:
     path = directory / "script.py"
     path.write_text(script, encoding="utf-8")
     return subprocess.run(
-        [sys.executable, "-" if stdin else str(path)],
+        [*command, sys.executable, "-" if stdin else str(path)],
         input=script if stdin else "",
         text=True,
         capture_output=True,
@@ -78,6 +80,21 @@ def test_a_script_that_is_no_file_is_told_to_become_one(tmp_path: Path) -> None:
     assert done.returncode == 1
     assert done.stderr.count("Traceback") == 1
     assert "<stdin> is no file; write the script to a file" in done.stderr.splitlines()[-1]
+
+
+def test_a_function_typed_at_a_prompt_is_told_to_become_a_module(tmp_path: Path) -> None:
+    # As at a prompt or in a notebook, the main module has no file that a worker could load.
+    done = run("import sys; del __file__\n" + SCRIPT + "search()\n", tmp_path)
+    assert done.returncode == 1
+    assert done.stderr.count("Traceback") == 1
+    assert "level 'f' cannot be loaded by a worker process" in done.stderr.splitlines()[-1]
+    assert "at a prompt" in done.stderr.splitlines()[-1]
+
+
+def test_a_program_without_a_standard_error_has_workers(tmp_path: Path) -> None:
+    script = SCRIPT + 'if __name__ == "__main__":\n    search()\n'
+    done = run(script, tmp_path, command=("sh", "-c", 'exec "$@" 2>&-', "sh"))
+    assert (done.stdout, done.returncode) == ("found True\n", 0)
 
 
 def test_workers_that_die_while_they_start_end_the_study_and_say_why(tmp_path: Path) -> None:

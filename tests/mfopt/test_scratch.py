@@ -8,8 +8,12 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from mfopt.errors import ConfigError
+from mfopt.executor import evaluate
+from mfopt.function_level import FunctionLevel
 from mfopt.scratch import PREFIX, remove_leftovers, scratch
 
 
@@ -95,3 +99,22 @@ def test_a_folder_that_is_made_while_another_process_cleans_is_kept(temporary: P
                 (folder / "file").touch()
                 assert (folder / "file").exists()
     assert list(temporary.iterdir()) == []
+
+
+def test_where_no_folder_can_be_made_one_line_says_so(
+    temporary: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", "/proc")
+    with pytest.raises(ConfigError, match="cannot write /proc"), scratch():
+        pass
+
+
+def test_where_there_is_no_temporary_directory_the_variable_is_named(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def none() -> str:
+        raise FileNotFoundError("No usable temporary directory found")
+
+    monkeypatch.setattr(tempfile, "gettempdir", none)
+    with pytest.raises(ConfigError, match="set TMPDIR"):
+        evaluate(FunctionLevel("f", max), np.zeros(1), 1)
