@@ -5,6 +5,7 @@ import random
 import resource
 import time
 from collections.abc import Iterable, Iterator
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +18,13 @@ LONGEST_S = 10.0  # [s] of one check
 MOST_MEMORY = 1e9  # [bytes] that the process may come to hold beyond what it holds at first
 
 ODD: tuple[Any, ...] = (
+    date(2020, 1, 1), "nan", "1e5", "numba", "yade", "reduced", "command", "assisted", "returned",
     True, False, 0, -1, 1, 3, 2**31, 2**63, 10**18, 10**400, 0.0, -0.0, 0.5, 1e-320, 5e-324, 1e-9,
     1e12, 1e308, -1e308, math.inf, -math.inf, math.nan, "", " ", "x", "../../evil", "/", ".", "a/b",
     "$\\foo$", "[/]", "[bold]", "\u0000", "\ud7ff", "名前", "é" * 300, "x" * 100_000, "\n", "%s{}",
     [], {}, [[]], [{}], [1, 2], ["a", "b"], {"a": {}}, [1, "a", []], [0.1] * 1000,
 )  # fmt: skip
+KEYS = ("", "é", "a.b", "name", "seed", "engine", "grains", "level", "free", "values", "work", "z1")
 
 
 def trials(
@@ -91,7 +94,7 @@ def _change(choose: random.Random, study: dict[str, Any]) -> None:
     elif how == "left out":
         del where[key]
     elif isinstance(where, dict):
-        name = choose.choice(["", f"{key}s", str(key)[:-1], "name", "é"])
+        name = choose.choice([*KEYS, f"{key}s", str(key)[:-1]])
         where[name] = _copy(where[key])
     else:
         where.append(_copy(where[key]))
@@ -140,7 +143,7 @@ def _value(value: Any) -> str:
         return f"[{', '.join(map(_value, value))}]"
     if isinstance(value, dict):
         return f"{{{', '.join(f'{_text(k)} = {_value(v)}' for k, v in value.items())}}}"
-    return repr(value)
+    return str(value) if isinstance(value, date) else repr(value)
 
 
 def _text(text: str) -> str:

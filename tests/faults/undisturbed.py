@@ -99,8 +99,12 @@ def undisturbed(folder: Path, study: str = COMMANDS) -> Undisturbed:
 
 def studies() -> list[dict[str, Any]]:
     """Valid studies of every kind, to be fuzzed."""
-    examples = [path.read_text() for path in sorted((ROOT / "examples").glob("*.toml"))]
-    return [tomllib.loads(text) for text in (COMMANDS, ASSISTED, *examples)]
+    files = [
+        *sorted((ROOT / "examples").glob("*.toml")),
+        Path(__file__).with_name("everything.toml"),
+    ]
+    texts = (COMMANDS, ASSISTED, *(path.read_text(encoding="utf-8") for path in files))
+    return [tomllib.loads(text) for text in texts]
 
 
 def has_yade() -> bool:
