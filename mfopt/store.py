@@ -33,10 +33,12 @@ from mfopt.evaluation import Candidate, Evaluation, Generation, Insight, Referen
 from mfopt.files import ASIDE, disk_errors_named, write_aside
 from mfopt.journal import Journal, Line
 from mfopt.lock import held
+from mfopt.objective import ObjectiveSettings, objective_named, value
 from mfopt.outcome import Outcome
 
 FORMAT = 2
 READ_BY = {"1": "mfopt 0.1"}  # which version reads an older format
+SAME_OBJECTIVE = 1e-9  # relative: another processor may add in another order
 MOST_IN_LINE = 16_000  # [bytes] arrays of a run that its line holds; more are a file
 
 Stored = dict[str, Any]  # line of an evaluation, without arrays that are in it
@@ -63,6 +65,7 @@ class RunDirectory:
     _alike: dict[Of, list[int]] = field(default_factory=dict)  # numbers of those, by what of
     _made: int = 0  # evaluations, those before an extension included
     _noted: set[tuple[str, int]] = field(default_factory=set)  # generations and insights
+    _objectives: dict[int, str] = field(default_factory=dict)  # that rank them, by generation
 
     def __post_init__(self) -> None:
         self._journal = Journal(self.path / "journal.jsonl", str(self.header.get("check")))
@@ -126,12 +129,27 @@ class RunDirectory:
     def _evaluation(self, stored: Stored) -> Evaluation:
         x = frozen(stored["x"])
         raw = {name: np.asarray(value) for name, value in stored["raw"].items()}
-        return Evaluation(
-            _candidate(stored),
-            Outcome(x, stored["level"], stored["seed"], stored["status"], stored["why"],
-                    raw | self._arrays(stored), stored["work"], stored["cpu_s"]),
-            math.inf if stored["objective"] is None else stored["objective"],
+        outcome = Outcome(
+            x, stored["level"], stored["seed"], stored["status"], stored["why"],
+            raw | self._arrays(stored), stored["work"], stored["cpu_s"],
         )  # fmt: skip
+        objective = math.inf if stored["objective"] is None else stored["objective"]
+        self._check_objective(stored, outcome, objective)
+        return Evaluation(_candidate(stored), outcome, objective)
+
+    def _check_objective(self, stored: Stored, outcome: Outcome, objective: float) -> None:
+        """Refuse an objective that is not what the outcome gives."""
+        name = self._objectives.get(stored["generation"], self.header.get("objective"))
+        if name is None:
+            return
+        settings = ObjectiveSettings(**self.header.get("objective_settings", {}))
+        now = value(objective_named(name, settings), outcome)
+        if not math.isclose(now, objective, rel_tol=SAME_OBJECTIVE):
+            raise ConfigError(
+                f"{self.path}: evaluation {stored['index']} is stored with the objective "
+                f"{objective:.17g}, but its outcome gives {now:.17g}; it was made by another "
+                "version, so use that, or start a new run directory"
+            )
 
     def _arrays(self, stored: Stored) -> dict[str, AnyArray]:
         if (begins := stored.get("begins")) is not None:
@@ -231,6 +249,7 @@ class RunDirectory:
             case "generation":
                 self.generations.append(Generation(**its))
                 self._noted.add(("generation", its["number"]))
+                self._objectives[its["number"]] = its["objective"]
             case "insight":
                 self.insights.append(Insight(**its | {"best": tuple(its["best"])}))
                 self._noted.add(("insight", its["generation"]))
@@ -267,7 +286,7 @@ class RunDirectory:
             its = _of(_candidate(self._earlier[number]))
             self._alike.setdefault(its, []).append(number)
         self._stored, self.generations, self.insights = {}, [], []
-        self._noted, self.end = set(), None
+        self._noted, self._objectives, self.end = set(), {}, None
 
     def _read(self, line: Line) -> None:
         try:

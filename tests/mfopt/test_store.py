@@ -17,7 +17,7 @@ from mfopt.array_file import read_arrays, write_arrays
 from mfopt.errors import ConfigError
 from mfopt.evaluation import Candidate, Evaluation, Generation
 from mfopt.memory import Memory
-from mfopt.outcome import Outcome
+from mfopt.outcome import Outcome, Status
 from mfopt.store import create, open_run, writing
 
 
@@ -242,6 +242,26 @@ def test_a_line_that_lacks_something_is_named(record: dict[str, Any], tmp_path: 
     open_run(tmp_path / "run")._journal.append(record)
     with pytest.raises(ConfigError, match="line 4 is damaged"):
         open_run(tmp_path / "run")
+
+
+def test_an_objective_that_its_outcome_does_not_give_is_refused(tmp_path: Path) -> None:
+    run, x = create(tmp_path / "run", "", {"objective": "returned"}), np.zeros(2)
+
+    def add(index: int, stored: float, given: float, status: Status = "finished") -> None:
+        outcome = Outcome(x, "l", 1, status, None, {"f": np.asarray(given)})
+        run.add_evaluation(Evaluation(Candidate(index, x, "l", 1, 4), outcome, stored))
+
+    add(0, 0.5, 0.5)
+    add(1, 0.5, 0.5 * (1.0 + 1e-12))
+    add(2, float("inf"), 0.5, "crashed")
+    assert len(list(open_run(tmp_path / "run").evaluations())) == 3
+    add(3, 0.5, 0.6)
+    with pytest.raises(ConfigError, match=r"evaluation 3 .* objective 0\.5, .* gives 0\.59999"):
+        list(open_run(tmp_path / "run").evaluations())
+    run.extend({}, "")
+    run.add_generation(Generation(4, "l", 0, 0.2, 16, "dispersion"))  # which has no `f`
+    with pytest.raises(ConfigError, match=r"evaluation 0 .* gives inf"):
+        run.use_again(Candidate(0, x, "l", 1, 4))
 
 
 SMALL = {

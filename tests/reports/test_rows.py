@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from mfopt.arrays import frozen
-from mfopt.evaluation import Candidate, Evaluation
+from mfopt.evaluation import Candidate, Evaluation, Generation
+from mfopt.objective import objective_named, value
 from mfopt.outcome import Outcome
 from mfopt.store import RunDirectory, create
 from reports.rows import filling_time, read_rows
@@ -23,20 +24,16 @@ def test_values_are_those_of_the_study_objective_whatever_ranked_the_generation(
     tmp_path: Path,
 ) -> None:
     raw = {"passage_times": np.linspace(0.2, 0.6, 101), "left_in_cup": np.array(2),
-           "left_in_hopper": np.array(0), "duration": np.array(1.0)}  # fmt: skip
+           "left_in_hopper": np.array(0), "grains": np.array(4600),
+           "duration": np.array(1.0)}  # fmt: skip
     run = create(tmp_path, "", {"objective": "filling_time", "levels": []})
+    run.add_generation(Generation(1, "a", 0, 0.2, 4, "dispersion"))
     out = Outcome(frozen([1.0]), "a", 1, "finished", None, raw)
-    run.add_evaluation(Evaluation(Candidate(0, out.x, "a", 1), out, 123.0))
+    told = value(objective_named("dispersion"), out)
+    run.add_evaluation(Evaluation(Candidate(0, out.x, "a", 1, 1), out, told))
     (row,) = read_rows(run)
     assert row.value == pytest.approx(0.4 + 2 * 0.05)
     assert row.left_in_cup == 2
-
-
-def test_an_objective_that_cannot_be_computed_again_is_taken_as_it_was_told(tmp_path: Path) -> None:
-    run = create(tmp_path, "", {"objective": "dispersion", "levels": []})
-    out = Outcome(frozen([1.0]), "a", 1, "finished", None, {"f": np.array(3.0)})
-    run.add_evaluation(Evaluation(Candidate(0, out.x, "a", 1), out, 3.0))
-    assert read_rows(run)[0].value == 3.0
 
 
 def test_rows_agree_with_the_journal(make_run: Callable[..., RunDirectory]) -> None:
