@@ -76,7 +76,8 @@ def search(path: Path, make: MakeExecutor, function: Square) -> list[float]:
     if not path.exists():
         create(path, "", {})
     run_study(
-        problem, ladder, lambda _: CmaEs(problem, [Stage("fine", 5, 6)], seed=1),
+        problem, ladder,
+        lambda _: CmaEs(problem, [Stage("fine", 5, 6, objective="returned")], seed=1),
         Runner(make), open_run(path), confirm_on=ladder, confirm_seeds=0, window=3,
     )  # fmt: skip
     return [e.objective for e in open_run(path).evaluations()]
