@@ -3,7 +3,14 @@ import pickle
 import numpy as np
 import pytest
 
-from fidelity.dosing import cup_motion, design, design_parts, dosing_problem, plate
+from fidelity.dosing import (
+    cup_motion,
+    design,
+    design_parts,
+    dosing_problem,
+    plate,
+    starting_designs,
+)
 from fidelity.settings import CupSettings, DosingSettings
 from geometry.mesh import merged, open_edges
 from mfopt.arrays import Array
@@ -115,3 +122,35 @@ def test_parts_for_viewing_fit_together() -> None:
 def test_problem_can_be_sent_to_another_process() -> None:
     again = pickle.loads(pickle.dumps(PROBLEM))
     assert again.impossible(PROBLEM.baseline) is None
+
+
+def test_the_hole_follows_from_the_cup_unless_it_is_given() -> None:
+    assert SETTINGS.all_values()["l0"] == 150
+    small = CupSettings(length_mm=90, width_mm=70, radius_mm=15, volume_ml=600)
+    values = DosingSettings(cup=small, portion_kg=0.4).all_values()
+    assert [values[name] for name in ("l0", "w0", "r0")] == [110, 85, 20]
+    assert values["l1"] == pytest.approx(110 + 80 / 260 * (95 - 110))
+    given = DosingSettings(cup=small, portion_kg=0.4, values={"l0": 120}).all_values()
+    assert [given[name] for name in ("l0", "w0")] == [120, 85]
+
+
+def test_starts_are_the_simple_motions_over_the_hopper_of_the_baseline() -> None:
+    starts = starting_designs(PROBLEM)
+    assert list(starts) == [
+        "baseline", "constant", "dwell long", "dwell fast", "slow", "slow early", "creep",
+    ]  # fmt: skip
+    hopper = [i for i, name in enumerate(PROBLEM.names) if name[0] in "lwrs"]
+    for x in starts.values():
+        assert (x[hopper] == PROBLEM.baseline[hopper]).all()
+        assert PROBLEM.impossible(x) is None
+    creep = dict(zip(PROBLEM.names, starts["creep"], strict=True))
+    assert [creep[name] for name in ("x1", "y1", "x2", "y2", "v")] == [0.3, 0.4, 0.7, 0.5, 1.2]
+
+
+def test_a_motion_out_of_bounds_is_no_start_and_fixed_values_stay() -> None:
+    narrow = dosing_problem(DosingSettings(free={"x1": (0.2, 0.3), "v": (1.0, 2.0)}))
+    starts = starting_designs(narrow)
+    assert list(starts) == ["baseline", "constant", "dwell long", "slow", "creep"]
+    assert starts["dwell long"] == pytest.approx([0.2, 1.5])
+    hopper_only = dosing_problem(DosingSettings(free={"l1": (80, 180)}))
+    assert list(starting_designs(hopper_only)) == ["baseline"]

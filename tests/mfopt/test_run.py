@@ -5,16 +5,19 @@ import numpy as np
 import pytest
 
 from mfopt.arrays import Array
+from mfopt.assisted import AssistedCmaEs
 from mfopt.cmaes import CmaEs
 from mfopt.errors import ConfigError
+from mfopt.evaluation import Evaluation
 from mfopt.executor import Runner, one_thread
 from mfopt.function_level import FunctionLevel
 from mfopt.level import Ladder, Level
-from mfopt.phases import CONFIRM_SEED
+from mfopt.phases import CONFIRM_SEED, Finals, Starts
 from mfopt.problem import Problem, Variable
 from mfopt.run import Progress, run_study
-from mfopt.search import Stage
+from mfopt.search import Rung, Search, Stage
 from mfopt.store import RunDirectory, create, open_run
+from surrogates.autoregressive import AutoregressiveGp
 
 PROBLEM = Problem((Variable("a", -1.0, 1.0), Variable("b", -1.0, 1.0)), np.array([0.8, 0.8]))
 STAGES = [
@@ -149,3 +152,85 @@ def test_a_run_where_everything_fails_ends_with_its_reasons(tmp_path: Path) -> N
     run = open_run(tmp_path / "run")
     assert run.end is not None
     assert {e.outcome.why for e in run.evaluations()} == {"ValueError: no licence"}
+
+
+def narrow(x: Array, seed: int) -> float:
+    """Two valleys, the deep one around (-0.5, -0.5), the other around (0.5, 0.5)."""
+    noise = np.random.default_rng(seed).normal(0.0, 0.01)
+    deep, flat = (float(np.sum((x - centre) ** 2)) for centre in (-0.5, 0.5))
+    return min(20.0 * deep - 1.0, 20.0 * flat) + noise
+
+
+def with_starts(
+    path: Path, make: Callable[[Array], Search], finals: Finals, breaks_after: int = -1
+) -> list[Evaluation]:
+    ladder = Ladder((FunctionLevel("coarse", narrow), FunctionLevel("fine", narrow, 10.0)))
+    designs = {"one": np.full(2, 0.6), "two": np.full(2, -0.4)}
+    made = 0
+
+    def watch(progress: Progress) -> None:
+        nonlocal made
+        made += not progress.replayed
+        if made == breaks_after:
+            raise KeyboardInterrupt
+
+    run_study(
+        PROBLEM, ladder, make, Runner(one_thread),
+        open_run(path) if path.exists() else create(path, "", {}), confirm_on=ladder,
+        confirm_seeds=2, starts=Starts(designs, "coarse", 2), finals=finals, watch=watch,
+    )  # fmt: skip
+    return list(open_run(path).evaluations())
+
+
+def planned(start: Array) -> Search:
+    return CmaEs(PROBLEM, STAGES, seed=1, start=start)
+
+
+def assisted(start: Array) -> Search:
+    rungs = [Rung("coarse", 0.1), Rung("fine", 1.0)]
+    surrogate = AutoregressiveGp()
+    return AssistedCmaEs(PROBLEM, rungs, surrogate, budget=8.0, seed=1, seeds=2, start=start)
+
+
+@pytest.mark.parametrize("make", [planned, assisted])
+def test_the_search_begins_at_the_best_start_which_is_a_finalist_too(
+    make: Callable[[Array], Search], tmp_path: Path
+) -> None:
+    made = with_starts(tmp_path / "run", make, Finals(3, seeds=2))
+    by = {
+        purpose: [e for e in made if e.candidate.purpose == purpose]
+        for purpose in {e.candidate.purpose for e in made}
+    }
+    assert [e.candidate.index for e in made] == list(range(len(made)))
+    assert [e.candidate.x[0] for e in by["start"]] == [0.6, 0.6, -0.4, -0.4]
+    searched = np.array([e.candidate.x for e in by["search"]])
+    assert np.linalg.norm(searched - (-0.5), axis=1).min() < 0.1
+    finalists = {e.candidate.x.tobytes() for e in by["finalist"]}
+    assert len(by["finalist"]) == 2 * len(finalists) == 2 * (3 + 1)
+    assert np.full(2, -0.4).tobytes() in finalists
+    (best,) = {e.candidate.x.tobytes() for e in by["confirm best"]}
+    means = {
+        x: np.mean([e.objective for e in by["finalist"] if e.candidate.x.tobytes() == x])
+        for x in finalists
+    }
+    assert best == min(means, key=lambda x: means[x])
+    baseline = by["confirm baseline"][0].candidate.x
+    np.testing.assert_array_equal(baseline, PROBLEM.baseline)  # and not the start
+
+
+@pytest.mark.parametrize("breaks_after", [1, 4, 5, -9, -4])
+def test_broken_off_before_or_after_the_search_it_resumes_to_the_undisturbed_run(
+    breaks_after: int, tmp_path: Path
+) -> None:
+    whole = with_starts(tmp_path / "whole", assisted, Finals(2, seeds=2))
+    with pytest.raises(KeyboardInterrupt):
+        with_starts(tmp_path / "broken", assisted, Finals(2, seeds=2), breaks_after % len(whole))
+    with_starts(tmp_path / "broken", assisted, Finals(2, seeds=2))
+    assert content(tmp_path / "broken") == content(tmp_path / "whole")
+
+
+def test_runs_of_starts_count_in_the_budget(tmp_path: Path) -> None:
+    made = with_starts(tmp_path / "run", assisted, Finals())
+    cost = {"coarse": 0.1, "fine": 1.0}
+    spent = sum(cost[e.candidate.level] for e in made if e.candidate.purpose in ("start", "search"))
+    assert 7.0 < spent <= 8.0 + 1e-9

@@ -1,0 +1,56 @@
+"""What runs before and after a search."""
+
+import numpy as np
+import pytest
+
+from mfopt.evaluation import Evaluation
+from mfopt.outcome import Outcome
+from mfopt.phases import CONFIRM_SEED, FINALIST_SEED, Finals, Starts, distinct, lowest_mean
+
+A, B, C = (np.full(2, value) for value in (0.1, 0.2, 0.3))
+
+
+def evaluations(values: dict[str, list[float]]) -> list[Evaluation]:
+    starts = Starts({"a": A, "b": B, "c": C}, "coarse", seeds=2)
+    found = starts.candidates(0)
+    told = [v for its in values.values() for v in its]
+    return [
+        Evaluation(c, Outcome(c.x, c.level, c.seed, "finished"), v)
+        for c, v in zip(found, told, strict=True)
+    ]
+
+
+def test_every_start_is_run_on_every_seed_of_the_search() -> None:
+    found = Starts({"a": A, "b": B}, "coarse", seeds=2).candidates(0)
+    assert [(c.index, c.x[0], c.seed) for c in found] == [
+        (0, 0.1, 1), (1, 0.1, 2), (2, 0.2, 1), (3, 0.2, 2),
+    ]  # fmt: skip
+    assert {(c.level, c.purpose, c.generation) for c in found} == {("coarse", "start", 0)}
+
+
+def test_the_lowest_mean_wins_and_not_the_luckiest_run() -> None:
+    told = {"a": [0.1, 0.9], "b": [0.4, 0.4], "c": [0.5, 0.5]}
+    assert lowest_mean(evaluations(told)) is B
+
+
+def test_a_design_that_fails_once_does_not_win() -> None:
+    told = {"a": [0.0, np.inf], "b": [0.4, 0.4], "c": [np.inf, np.inf]}
+    assert lowest_mean(evaluations(told)) is B
+
+
+@pytest.mark.parametrize("count", [0, 3])
+def test_nothing_wins_where_all_failed_or_nothing_ran(count: int) -> None:
+    told = evaluations({name: [np.inf, np.inf] for name in "abc"})
+    assert lowest_mean(told[: 2 * count]) is None
+
+
+def test_finalists_are_run_on_seeds_of_their_own() -> None:
+    found = Finals(2, seeds=2).candidates([A, B], "fine", 7)
+    assert [c.index for c in found] == [7, 8, 9, 10]
+    assert {(c.level, c.purpose) for c in found} == {("fine", "finalist")}
+    assert {c.seed for c in found} == {FINALIST_SEED, FINALIST_SEED + 1}
+    assert CONFIRM_SEED not in {c.seed for c in found}
+
+
+def test_one_finalist_needs_no_run() -> None:
+    assert Finals(4).candidates(distinct([A, A.copy()]), "fine", 0) == []
