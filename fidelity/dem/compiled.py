@@ -144,4 +144,13 @@ def keep(path: Path, content: bytes) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_aside(path, hashlib.sha256(content).digest() + content)
     except (ConfigError, OSError) as error:
-        log.warning("compiled code cannot be kept, and every process compiles it: %s", error)
+        log.debug("%s", error)
+        _tell_not_kept(path.parent)
+
+
+@functools.cache
+def _tell_not_kept(directory: Path) -> None:
+    log.warning(
+        "compiled code cannot be kept in %s, and every process compiles it; free some space there, "
+        "or set XDG_CACHE_HOME to a directory that can be written", directory,
+    )  # fmt: skip
