@@ -22,9 +22,9 @@ import numpy as np
 from mfopt.archive import Archive
 from mfopt.arrays import Array, frozen
 from mfopt.belief import FEWEST, Belief, learn
+from mfopt.checks import whole
 from mfopt.climbing import Standing, misled, validation_due, why_climb
 from mfopt.distribution import Distribution
-from mfopt.errors import ConfigError
 from mfopt.evaluation import Candidate, Generation, Insight
 from mfopt.phases import distinct
 from mfopt.plan import Plan
@@ -32,8 +32,17 @@ from mfopt.prescreen import DECIDED, blurred, minimiser, thompson
 from mfopt.problem import Problem
 from mfopt.ranking import certainty, expected_weights, recombination_weights
 from mfopt.recommendation import believed, recommended
-from mfopt.search import Rung, default_population_size
-from mfopt.surrogate import Surrogate
+from mfopt.search import (
+    MOST_SEED,
+    MOST_SEEDS,
+    POPULATION_SIZES,
+    Rung,
+    affordable,
+    check_rungs,
+    check_sigma,
+    default_population_size,
+)
+from mfopt.surrogate import Surrogate, check_surrogate
 from mfopt.swap import Exchange, Pair
 
 DRAWS = 128
@@ -61,6 +70,9 @@ class AssistedCmaEs:
         first_seed: seed of the first simulation.
         exchange: two variables whose values are exchanged, once a level, where the recommended
             design has the first above the second: a minimum that steps do not lead out of.
+
+    Raises:
+        ConfigError: if an argument is wrong, or the budget affords no run at the target.
     """
 
     def __init__(
@@ -79,18 +91,18 @@ class AssistedCmaEs:
         first_seed: int = 1,
         exchange: Pair | None = None,
     ) -> None:
-        if not rungs:
-            raise ConfigError("the search has no level: give at least one")
-        if budget < rungs[-1].cost:
-            raise ConfigError(
-                f"budget = {budget:g} is below the cost of one run at {rungs[-1].level!r}, "
-                f"{rungs[-1].cost:g}; raise it"
-            )
+        check_rungs(rungs)
+        budget = affordable(budget, rungs)
+        check_surrogate(surrogate)
+        check_sigma(sigma)
+        self._size = default_population_size(problem.dimension)
+        if population_size is not None:
+            self._size = whole("population_size", population_size, *POPULATION_SIZES)
+        seeds, seed = whole("seeds", seeds, 1, MOST_SEEDS), whole("seed", seed, 0, MOST_SEED)
         self._exchange = Exchange(problem, exchange)
         self._problem, self._rungs, self._surrogate = problem, tuple(rungs), surrogate
         self._plan = Plan([rung.cost for rung in rungs], budget)
         self._sigma = sigma
-        self._size = population_size or default_population_size(problem.dimension)
         self._objective, self._seeds, self._first_seed = objective, seeds, first_seed
         self._rng = np.random.default_rng(seed)
         self._start = problem.to_z(problem.baseline if start is None else start)

@@ -9,23 +9,23 @@ of the objective. A stage may run candidates again whose ranking is in doubt.
 Source: Hansen, arXiv:1604.00772; the paper's section 3.5 for the procedure.
 """
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import chain, count
 from typing import Any
 
-import cma
 import numpy as np
 
 from mfopt.arrays import Array, frozen
+from mfopt.checks import whole
 from mfopt.errors import ConfigError
 from mfopt.evaluation import Candidate, Generation, Insight
 from mfopt.noise_share import NoiseShare, belief, believed_values
 from mfopt.phases import distinct
 from mfopt.problem import Problem
+from mfopt.pycma import strategy, tell
 from mfopt.reevaluation import EliteDoubt, NoReplicates, Reevaluation, UncertaintyHandling
-from mfopt.search import Stage
+from mfopt.search import MOST_SEED, Stage
 from mfopt.swap import Pair, Watch
 
 TOLERANCE_X = 1e-3  # unit cube: finer than a workshop can make
@@ -43,6 +43,9 @@ class CmaEs:
         start: first design (d,), physical units; the baseline if left out.
         first_seed: seed of the first simulation; a stage uses `first_seed + 0 .. seeds - 1`, and
             for the k-th replicates of a generation as many, k x `seeds` further on.
+
+    Raises:
+        ConfigError: if an argument is wrong.
     """
 
     _es: Any  # cma.CMAEvolutionStrategy, which carries no types
@@ -68,7 +71,7 @@ class CmaEs:
             raise ConfigError("the search has no stage: plan at least one level")
         self._problem = problem
         self._stages = tuple(stages)
-        self._rng = np.random.default_rng(seed)
+        self._rng = np.random.default_rng(whole("seed", seed, 0, MOST_SEED))
         self._watch = Watch(problem, exchange)
         self._first_seed = first_seed
         self._asked = 0
@@ -201,9 +204,7 @@ class CmaEs:
         means = np.array([np.mean(r) for r in runs])
         f = _finite(np.sort(means)[settled.ranks.astype(int)])
         z = [self._asked_z[c.index] for c in self._drawn]
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # cma warns of flat and of injected solutions
-            self._es.tell(z, list(f))
+        tell(self._es, z, list(f))
         self._es.sigma *= settled.sigma_factor
         self._rule = settled.after
         self._note_best(runs)
@@ -284,17 +285,10 @@ class CmaEs:
         self._start_z = np.clip(z, 0.0, 1.0)
         self._opening = True
         self._watch.restart()
-        if (reason := self._problem.impossible(self._problem.to_x(z))) is not None:
-            raise ConfigError(f"the search cannot start from an impossible design: {reason}")
-        options = {
-            "bounds": [0.0, 1.0], "popsize": self._stage.population_size,
-            "randn": lambda *shape: self._rng.standard_normal(shape), "seed": np.nan,
-            "tolx": TOLERANCE_X, "tolfun": TOLERANCE_F, "tolfunhist": TOLERANCE_F,
-            "tolflatfitness": 5, "verbose": -9, "verb_log": 0,
-        }  # fmt: skip
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            self._es = cma.CMAEvolutionStrategy(self._start_z, self._stage.sigma, options)
+        self._es = strategy(
+            self._start_z, self._stage.sigma, self._stage.population_size, self._rng,
+            tolx=TOLERANCE_X, tolfun=TOLERANCE_F, tolfunhist=TOLERANCE_F, tolflatfitness=5,
+        )  # fmt: skip
 
     def _possible(self, z: Array) -> Array:
         """The draw `z` itself if that design can be built, else the first new one that can."""

@@ -7,13 +7,12 @@ Source: Hansen, arXiv:1604.00772; Bajer, Pitra, Repicky & Holena, Evolutionary C
 (2019) 665, doi:10.1162/evco_a_00244 (surrogates in the whitened coordinates).
 """
 
-import warnings
 from typing import Any
 
-import cma
 import numpy as np
 
 from mfopt.arrays import Array
+from mfopt.pycma import strategy, tell
 
 TRIES = 3  # to draw inside the cube
 
@@ -31,13 +30,7 @@ class Distribution:
     def __init__(
         self, z: Array, sigma: float, population_size: int, rng: np.random.Generator
     ) -> None:
-        options = {
-            "bounds": [0.0, 1.0], "popsize": population_size, "seed": np.nan,
-            "randn": lambda *shape: rng.standard_normal(shape), "verbose": -9, "verb_log": 0,
-        }  # fmt: skip
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            self._es: Any = cma.CMAEvolutionStrategy(np.clip(z, 0.0, 1.0), sigma, options)
+        self._es: Any = strategy(z, sigma, population_size, rng)
         self.average = self.mean  # (d,) of the means so far, see `update`
 
     @property
@@ -97,9 +90,8 @@ class Distribution:
         Args:
             share: weight of the new mean in the average of the means.
         """
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # cma warns of flat and of injected solutions
-            self._es.tell(list(z), list(losses))
+        tell(self._es, list(z), list(losses))
+        self._es.pop_injection_directions = []  # mirrored samples are for generations drawn at once
         self._es.sm.update_now(-1)  # else the next sample would turn the coordinates
         self.average = self.average + share * (self.mean - self.average)
 

@@ -1,6 +1,5 @@
 """The design problem: variables with units and bounds, and what makes a design impossible."""
 
-import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from itertools import islice
@@ -8,9 +7,11 @@ from itertools import islice
 import numpy as np
 
 from mfopt.arrays import Array, frozen
+from mfopt.checks import number, shown, text
 from mfopt.errors import ConfigError, SimulationError
 
 REDRAWS = 1000  # draws for one possible design before giving up
+LARGEST_BOUND = 1e100  # beyond it squares overflow
 
 Constraint = Callable[[Array], str | None]  # (d,) -> why the design is impossible, or None
 
@@ -25,10 +26,15 @@ class Variable:
     unit: str = "-"
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.lower) and math.isfinite(self.upper)):
-            raise ConfigError(
-                f"variable {self.name!r}: bounds {self.lower}, {self.upper} must be finite numbers"
-            )
+        text("the name of a variable", self.name)
+        for which in ("lower", "upper"):
+            bound = number(f"variable {self.name!r}: {which} bound", getattr(self, which))
+            if abs(bound) > LARGEST_BOUND:
+                raise ConfigError(
+                    f"variable {self.name!r}: {which} bound {bound:g} must lie within "
+                    f"+-{LARGEST_BOUND:g} {self.unit}; choose another unit"
+                )
+            object.__setattr__(self, which, bound)
         if self.lower >= self.upper:
             raise ConfigError(
                 f"variable {self.name!r}: lower bound {self.lower:g} must be below "
@@ -42,6 +48,9 @@ class Problem:
 
     `baseline` is the design to compare with and to start from; `constraint` names why a
     design is impossible (a hard constraint: such a design is never simulated).
+
+    Raises:
+        ConfigError: if names repeat, or the baseline is out of bounds or impossible.
     """
 
     variables: tuple[Variable, ...]
@@ -65,6 +74,9 @@ class Problem:
                     f"{v.lower:g} to {v.upper:g}; move the start or widen the bounds"
                 )
         object.__setattr__(self, "baseline", x)
+        if (why := self.impossible(self.to_x(self.to_z(x)))) is not None:
+            named = ", ".join(f"{name} = {value:g}" for name, value in self.named(x).items())
+            raise ConfigError(f"the start is impossible: {why}; give another start than {named}")
 
     @property
     def dimension(self) -> int:
@@ -87,16 +99,27 @@ class Problem:
         return frozen([v.upper for v in self.variables])
 
     def to_x(self, z: Array) -> Array:
-        """Map the unit cube to physical units, (..., d)."""
-        return np.asarray(self.lower + z * (self.upper - self.lower))
+        """Map the unit cube to physical units, (..., d); rounding leads out of no bound."""
+        x = self.lower + z * (self.upper - self.lower)
+        return np.asarray(np.clip(x, self.lower, self.upper))
 
     def to_z(self, x: Array) -> Array:
         """Map physical units to the unit cube, (..., d)."""
         return np.asarray((x - self.lower) / (self.upper - self.lower))
 
     def impossible(self, x: Array) -> str | None:
-        """Why the design `x` (d,) can never be built, or None."""
-        return None if self.constraint is None else self.constraint(x)
+        """Why the design `x` (d,) can never be built, or None.
+
+        Raises:
+            ConfigError: if the constraint returns anything else.
+        """
+        why = None if self.constraint is None else self.constraint(x)
+        if why is not None and not isinstance(why, str):
+            raise ConfigError(
+                f"the constraint returned {shown(why)}; it must return None for a possible "
+                "design, and else in words why it is impossible"
+            )
+        return why
 
     def possible(self, draws: Iterable[Array]) -> Array:
         """The first of the designs (d,) drawn in the unit cube that can be built.

@@ -3,9 +3,11 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal, Protocol, get_args
 
 from mfopt.arrays import Array
+from mfopt.checks import number, positive, shown, text, whole
 from mfopt.errors import ConfigError
 from mfopt.evaluation import Candidate, Generation, Insight
 from mfopt.level import Ladder
@@ -63,6 +65,37 @@ class Search(Protocol):
 
 Reevaluate = Literal["none", "ranks", "elite"]
 
+POPULATION_SIZES = (2, 1000)  # a covariance of 1000 candidates is factored in every generation
+MOST_GENERATIONS = 1_000_000
+MOST_SEEDS = 100_000  # below `mfopt.run.CONFIRM_SEED`, so that confirmation is on fresh ones
+MOST_SEED = 2**63 - 1  # of a search: what fits 64 bits
+
+
+def check_sigma(sigma: float, where: str = "") -> None:
+    """Make sure that a first step size fits the unit cube.
+
+    Raises:
+        ConfigError: if it does not.
+    """
+    try:
+        positive("sigma", sigma, 1.0)
+    except ConfigError as error:
+        raise ConfigError(
+            f"{where}{error} (a step in the unit cube; 0.2 is a good start)"
+        ) from None
+
+
+def check_reevaluate(reevaluate: str, where: str = "") -> None:
+    """Make sure that the rule for replicates exists.
+
+    Raises:
+        ConfigError: if it does not.
+    """
+    if reevaluate not in get_args(Reevaluate):
+        raise ConfigError(
+            f"{where}reevaluate = {shown(reevaluate)} is none of {', '.join(get_args(Reevaluate))}"
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class Stage:
@@ -77,22 +110,13 @@ class Stage:
     reevaluate: Reevaluate = "none"  # which candidates are run again
 
     def __post_init__(self) -> None:
-        for name, lowest in (("generations", 1), ("population_size", 3), ("seeds", 1)):
-            if getattr(self, name) < lowest:
-                raise ConfigError(
-                    f"stage on {self.level!r}: {name} = {getattr(self, name)} must be "
-                    f"at least {lowest}"
-                )
-        if not 0.0 < self.sigma <= 1.0:
-            raise ConfigError(
-                f"stage on {self.level!r}: sigma = {self.sigma} must be above 0 and at most 1 "
-                "(a step in the unit cube; 0.2 is a good start)"
-            )
-        if self.reevaluate not in get_args(Reevaluate):
-            raise ConfigError(
-                f"stage on {self.level!r}: reevaluate = {self.reevaluate!r} is none of "
-                f"{', '.join(get_args(Reevaluate))}"
-            )
+        text("the level of a stage", self.level)
+        where = f"stage on {self.level!r}: "
+        whole(where + "generations", self.generations, 1, MOST_GENERATIONS)
+        whole(where + "population_size", self.population_size, *POPULATION_SIZES)
+        whole(where + "seeds", self.seeds, 1, MOST_SEEDS)
+        check_sigma(self.sigma, where)
+        check_reevaluate(self.reevaluate, where)
 
     @property
     def runs(self) -> int:
@@ -110,20 +134,68 @@ CHEAPEST = 1.0 / 512.0  # of a target run; below it the search's own work is wha
 
 @dataclass(frozen=True, slots=True)
 class Rung:
-    """A level as the assisted search sees it."""
+    """A level as the assisted search sees it.
+
+    `rungs` makes them of a ladder, where a run counts as at least 1/512 of a target run.
+
+    Raises:
+        ConfigError: if the cost is not a finite number above 0.
+    """
 
     level: str
     cost: float  # of one run, in the unit of the budget
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.cost) and self.cost > 0.0):
-            raise ConfigError(f"level {self.level!r}: cost = {self.cost} must be above 0")
+        text("the level of a rung", self.level)
+        positive(f"level {self.level!r}: cost", self.cost)
 
 
 def rungs(ladder: Ladder, x: Array) -> tuple[Rung, ...]:
-    """The levels with their costs at the design `x` (d,), in runs of the target level."""
-    full = ladder.top.work(x)
-    return tuple(Rung(level.name, max(level.work(x) / full, CHEAPEST)) for level in ladder)
+    """The levels with their costs at the design `x` (d,), in runs of the target level.
+
+    A level that costs less than 1/512 of a target run counts as 1/512: below that, the search's
+    own work is what costs.
+
+    Raises:
+        ConfigError: if a level's work is not above 0, or more than that of the level after it.
+    """
+    works = {level.name: positive(f"level {level.name!r}: work", level.work(x)) for level in ladder}
+    full = works[ladder.top.name]
+    found = tuple(Rung(name, max(work / full, CHEAPEST)) for name, work in works.items())
+    check_rungs(found)
+    return found
+
+
+def check_rungs(rungs: Sequence[Rung]) -> None:
+    """Make sure that there is a level, and that none costs more than the one after it.
+
+    Raises:
+        ConfigError: if not.
+    """
+    if not rungs:
+        raise ConfigError("the search has no level: give at least one")
+    for rung, after in pairwise(rungs):
+        if rung.cost > after.cost:
+            raise ConfigError(
+                f"a run at level {rung.level!r} costs {rung.cost:g}, more than one at "
+                f"{after.level!r} after it, {after.cost:g} (in runs of {rungs[-1].level!r}); list "
+                "the levels from cheap to dear, the target last, and leave out what is dearer"
+            )
+
+
+def affordable(budget: float, rungs: Sequence[Rung]) -> float:
+    """The budget as a number that affords a run at the target.
+
+    Raises:
+        ConfigError: if it does not.
+    """
+    budget, target = number("budget", budget), rungs[-1]
+    if budget < target.cost:
+        raise ConfigError(
+            f"budget = {budget:g} is below the cost of one run at {target.level!r}, "
+            f"{target.cost:g}; raise it"
+        )
+    return budget
 
 
 def window(workers: int) -> int:

@@ -6,6 +6,7 @@ from typing import Protocol
 import numpy as np
 
 from mfopt.arrays import Array, BoolArray, IntArray, frozen
+from mfopt.checks import shown
 from mfopt.errors import ConfigError
 
 LEVEL_ARRAYS = (  # the fields of Hyperparameters with a row for each level
@@ -193,3 +194,19 @@ class Surrogate(Protocol):
         Raises:
             ConfigError: if `refit` is off without `start`, or `start` has other dimensions.
         """
+
+
+def check_surrogate(surrogate: Surrogate) -> None:
+    """Make sure that this is a surrogate, and not its class.
+
+    Raises:
+        ConfigError: if it is none.
+    """
+    if isinstance(surrogate, type):
+        name = surrogate.__name__
+        raise ConfigError(f"surrogate = {name} is a class; make one: surrogate = {name}()")
+    if not callable(getattr(surrogate, "fit", None)):
+        raise ConfigError(
+            f"surrogate = {shown(surrogate)} cannot learn: it has no fit(); give one such as "
+            "surrogates.autoregressive.AutoregressiveGp()"
+        )

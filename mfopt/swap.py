@@ -44,7 +44,8 @@ def swapped(problem: Problem, pair: Pair, x: Array) -> Array | None:
     turned = np.array(x)
     turned[places] = turned[places[::-1]]
     turned = np.clip(turned, problem.lower, problem.upper)
-    return None if problem.impossible(turned) else turned
+    as_run = problem.to_x(problem.to_z(turned))
+    return None if problem.impossible(as_run) else turned
 
 
 class _OfPair:

@@ -1,0 +1,51 @@
+"""pycma in the unit cube: how both searches make it, and how it is told losses."""
+
+import warnings
+from collections.abc import Sequence
+from typing import Any
+
+import cma
+import numpy as np
+
+from mfopt.arrays import Array
+
+WIDEST = 1.0 / 3.0  # largest standard deviation of a variable, pycma's own limit in a unit box
+
+
+def strategy(
+    z: Array, sigma: float, population_size: int, rng: np.random.Generator, **options: Any
+) -> Any:
+    """A `cma.CMAEvolutionStrategy` in the unit cube, which carries no types.
+
+    Args:
+        z: (d,) first mean, moved into the cube.
+        sigma: first step size.
+        population_size: samples per generation.
+        rng: of all draws.
+        options: of pycma, besides.
+    """
+    options |= {
+        "bounds": [0.0, 1.0], "popsize": population_size, "seed": np.nan,
+        "randn": lambda *shape: rng.standard_normal(shape), "verbose": -9, "verb_log": 0,
+    }  # fmt: skip
+    if len(z) == 1:
+        options["maxstd_boundrange"] = np.inf  # pycma fails where it limits a single variable
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        es = cma.CMAEvolutionStrategy(np.clip(z, 0.0, 1.0), sigma, options)
+    _limit(es)
+    return es
+
+
+def tell(es: Any, z: Sequence[Array], losses: Sequence[float]) -> None:
+    """Tell losses of points of the cube; pycma warns of flat and of injected ones."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        es.tell(list(z), list(losses))
+    _limit(es)
+
+
+def _limit(es: Any) -> None:
+    """The limit of the standard deviation for one variable, by the step size."""
+    if es.N == 1:
+        es.sigma *= min(1.0, WIDEST / float(es.stds[0]))
