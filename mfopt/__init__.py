@@ -8,13 +8,13 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mfopt.api import Minimum as Minimum
     from mfopt.api import minimize as minimize
     from mfopt.assisted import AssistedCmaEs as AssistedCmaEs
     from mfopt.cmaes import CmaEs as CmaEs
     from mfopt.errors import ConfigError as ConfigError
     from mfopt.errors import MfoptError as MfoptError
     from mfopt.function_level import FunctionLevel as FunctionLevel
+    from mfopt.minimum import Minimum as Minimum
     from mfopt.problem import Problem as Problem
     from mfopt.problem import Variable as Variable
     from mfopt.search import Rung as Rung
@@ -26,7 +26,7 @@ _HOME = {
     "ConfigError": "errors",
     "MfoptError": "errors",
     "FunctionLevel": "function_level",
-    "Minimum": "api",
+    "Minimum": "minimum",
     "minimize": "api",
     "Problem": "problem",
     "Variable": "problem",

@@ -1,42 +1,43 @@
 """`minimize`: the user's own simulators over a ladder of levels, in one call."""
 
+import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 from numpy.typing import ArrayLike
 
-from mfopt.arrays import Array, frozen
+from mfopt.arrays import frozen
 from mfopt.assisted import AssistedCmaEs
 from mfopt.begin import begin
+from mfopt.checks import shown, whole
 from mfopt.cmaes import CmaEs
-from mfopt.errors import ConfigError, MfoptError
-from mfopt.evaluation import Evaluation
+from mfopt.errors import ConfigError
 from mfopt.executor import Runner, one_thread
 from mfopt.function_level import FunctionLevel, Simulator
 from mfopt.header import header
 from mfopt.level import Ladder, Level
 from mfopt.local_workers import local_processes
-from mfopt.outcome import LARGEST_WORK, SMALLEST_WORK
+from mfopt.minimum import Minimum, minimum
 from mfopt.problem import Constraint, Problem, Variable
 from mfopt.run import run_study
 from mfopt.scratch import scratch
-from mfopt.search import Reevaluate, Search, Stage, default_population_size, rungs, window
+from mfopt.search import (
+    MOST_WORKERS,
+    Reevaluate,
+    Search,
+    Stage,
+    check_work,
+    default_population_size,
+    rungs,
+    window,
+)
 from mfopt.store import writing
 from mfopt.surrogate import Surrogate
 
+log = logging.getLogger(__name__)
+
 GENERATIONS = 30  # per level of a plan that names none
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Minimum:
-    """What `minimize` found: the recommended design, and every run made."""
-
-    x: Array  # (d,)
-    f: float
-    level: str
-    why: str  # why the search ended
-    evaluations: tuple[Evaluation, ...]
 
 
 def minimize(
@@ -69,7 +70,8 @@ def minimize(
         generations: per level, or the same for each; 30 if left out. Without a surrogate.
         surrogate: learns from the runs at all levels.
         budget: what the search may spend, in runs of the last level. With a surrogate.
-        costs: of one run by level, in any unit; for functions, and 1 for each if left out.
+        costs: of one run by level, in any unit; for functions, and 1 for each if left out. A cost
+            below 1/512 of the last level's counts as 1/512.
         start: first design (d,); the middle of the bounds if left out.
         population_size: candidates per generation; 4 + 3 ln d if left out.
         sigma: first step size as a share of the bounds' width.
@@ -79,63 +81,106 @@ def minimize(
         constraint: returns why a design is impossible, or None; such a design is never run.
         seed: of the search.
         workers: processes; with 1 the functions run here and need not be picklable.
-        directory: keeps the run; given again, the run is resumed from it.
+        directory: keeps the run; given again, the run goes on from it. Whether the functions are
+            still the same cannot be seen.
 
     Returns:
-        The design that the search recommends, with its value at the highest level that has one.
+        The design that the search recommends, with the estimate of its value at the last level.
 
     Raises:
         ConfigError: if an argument is wrong, or `directory` holds another run.
-        MfoptError: if no run finished.
+        MfoptError: if no run at the last level finished.
     """
+    workers = whole("workers", workers, 1, MOST_WORKERS)
     ladder = Ladder(_as_levels(levels, costs))
-    variables = tuple(Variable(name, *limits) for name, limits in bounds.items())
-    middle = [(v.lower + v.upper) / 2.0 for v in variables]
-    problem = Problem(variables, frozen(middle if start is None else start), constraint)
+    problem = _problem(bounds, start, constraint)
+    costs_of_runs = rungs(ladder, problem.baseline)
     search: Search
     if surrogate is None:
         if budget is not None:
             raise ConfigError(
-                f"budget = {budget:g} needs a surrogate; give one, or generations in its place"
+                f"budget = {shown(budget)} needs a surrogate; give one, or generations in its place"
             )
-        size = population_size or default_population_size(problem.dimension)
+        size = default_population_size(problem.dimension)
+        size = size if population_size is None else population_size
         plan = _plan(ladder, generations, size, sigma, seeds, reevaluate)
-        search = CmaEs(problem, plan, seed=seed)
-
+        search, target = CmaEs(problem, plan, seed=seed), plan[-1].level
     else:
         if reevaluate != "none":
             raise ConfigError(
-                f'reevaluate = "{reevaluate}" is for the search without a surrogate; leave one out'
+                f"reevaluate = {shown(reevaluate)} is for the search without a surrogate; "
+                "leave one out"
             )
         if budget is None or generations is not None:
             raise ConfigError(
                 "a surrogate needs a budget, in runs of the last level, and no generations: it "
                 "changes the level by itself"
             )
-        search = AssistedCmaEs(
-            problem, rungs(ladder, problem.baseline), surrogate, budget=budget, seed=seed,
-            sigma=sigma, population_size=population_size, seeds=seeds,
-        )  # fmt: skip
+        search, target = AssistedCmaEs(
+            problem, costs_of_runs, surrogate, budget=budget, seed=seed, sigma=sigma,
+            population_size=population_size, seeds=seeds,
+        ), ladder.top.name  # fmt: skip
     runner = Runner(local_processes(workers) if workers > 1 else one_thread)
     if workers > 1:
         runner.check(ladder)
     with scratch() as folder:
-        path = Path(directory) if directory is not None else folder / "run"
+        path = folder / "run" if directory is None else _path(directory)
         with writing(path):
             now = header(
                 problem, ladder, name=path.name, seed=seed, objective="returned",
                 method="cma-es" if surrogate is None else "assisted", workers=workers,
             )  # fmt: skip
             run = begin(path, "", now, resume=True)
+            if stored := len(run):
+                log.warning(
+                    "%d runs stored in %s are used; if a function has changed since, which cannot "
+                    "be seen, give another directory", stored, path,
+                )  # fmt: skip
             best = run_study(
                 problem, ladder, lambda _: search, runner, run, confirm_on=ladder, confirm_seeds=0,
                 window=window(run.header["workers"]),
             )  # fmt: skip
             evaluations = tuple(run.evaluations())
-    if best is None:
-        raise MfoptError(f"no run finished; the first failed with: {evaluations[0].outcome.why}")
-    why = search.should_stop() or ""
-    return Minimum(best.candidate.x, best.objective, best.candidate.level, why, evaluations)
+    return minimum(problem, search, best, evaluations, target=target, stored=stored)
+
+
+def _problem(
+    bounds: Mapping[str, tuple[float, float]],
+    start: ArrayLike | None,
+    constraint: Constraint | None,
+) -> Problem:
+    """The problem, from the middle of the bounds if no start is given."""
+    if not isinstance(bounds, Mapping):
+        raise ConfigError(
+            f"bounds = {shown(bounds)} must give lower and upper bound by name, such as "
+            '{"a": (0, 1)}'
+        )
+    if constraint is not None and not callable(constraint):
+        raise ConfigError(f"constraint = {shown(constraint)} must be a function of x")
+    variables = []
+    for name, limits in bounds.items():
+        try:
+            lower, upper = limits
+        except (TypeError, ValueError):
+            raise ConfigError(
+                f"bounds: {name} = {shown(limits)} must be a pair (lower, upper)"
+            ) from None
+        variables.append(Variable(name, lower, upper))
+    if start is None:
+        return Problem(tuple(variables), frozen([v.middle for v in variables]), constraint)
+    try:
+        x = np.asarray(start)
+    except ValueError:
+        x = np.empty(0, dtype=object)
+    if x.ndim != 1 or x.dtype.kind not in "iuf":
+        raise ConfigError(f"start = {shown(start)} must be a list of one number a variable")
+    return Problem(tuple(variables), frozen(x), constraint)
+
+
+def _path(directory: Path | str) -> Path:
+    if not isinstance(directory, Path | str) or not str(directory) or "\0" in str(directory):
+        raise ConfigError(f"directory = {shown(directory)} must be a path")
+    return Path(directory)
 
 
 def _plan(
@@ -149,6 +194,8 @@ def _plan(
     """The stages of the planned search."""
     same = GENERATIONS if generations is None else generations
     plan = same if isinstance(same, Mapping) else dict.fromkeys(ladder.names, same)
+    if not plan:
+        raise ConfigError("generations = {} plans nothing; give a number for at least one level")
     return [
         Stage(ladder[name].name, count, population_size, sigma, "returned", seeds, reevaluate)
         for name, count in plan.items()
@@ -161,17 +208,32 @@ def _as_levels(
     if not isinstance(levels, Mapping):
         if costs is not None:
             raise ConfigError("costs are for functions; a Level says its own work")
-        return tuple(levels)
+        return _checked(levels)
     given = dict.fromkeys(levels, 1.0) if costs is None else costs
+    if not isinstance(given, Mapping):
+        raise ConfigError(f"costs = {shown(given)} must give a number by level")
     if set(given) != set(levels):
         raise ConfigError(
-            f"costs are given for {', '.join(given)}, the levels are {', '.join(levels)}; "
-            "give one for each"
+            f"costs are given for {', '.join(map(str, given))}, the levels are "
+            f"{', '.join(map(str, levels))}; give one for each"
         )
     for name, cost in given.items():
-        if not SMALLEST_WORK <= cost <= LARGEST_WORK:
-            raise ConfigError(
-                f"costs: {name} = {cost} must be a number from {SMALLEST_WORK:g} to "
-                f"{LARGEST_WORK:g}"
-            )
+        check_work(f"costs: {name}", cost)
     return tuple(FunctionLevel(name, f, given[name]) for name, f in levels.items())
+
+
+def _checked(levels: Sequence[Level]) -> tuple[Level, ...]:
+    """The levels, if they are some."""
+    if not isinstance(levels, Sequence) or isinstance(levels, str | bytes):
+        raise ConfigError(
+            f"levels = {shown(levels)} must be functions by name, such as "
+            '{"fine": f}, or a list of levels'
+        )
+    for level in levels:
+        for part in ("name", "work", "evaluate"):
+            if isinstance(level, type) or not hasattr(level, part):
+                raise ConfigError(
+                    f"level {shown(level)} is no Level: it needs a name, work(x) and evaluate(x, "
+                    "seed=...); functions are given by name"
+                )
+    return tuple(levels)

@@ -110,14 +110,12 @@ class Archive:
         its = (self.designs_at(level) == z).all(axis=1)
         return bool(its.any() and not its.all() and values[its].min() < values[~its].min())
 
-    def exact(self, level: int) -> bool:
-        """Whether runs at a level do not scatter: a design has one value on all seeds.
-
-        False where no design has finished on two seeds.
-        """
+    def scatter(self, level: int) -> bool | None:
+        """Whether a design has other values on other seeds; None if none finished on two seeds."""
         here = self.finished_at(level)
         here = here[np.lexsort((self.seed[here], *self.z[here].T))]  # equal designs side by side
         z, seed, value = self.z[here], self.seed[here], self.value[here]
         again = (z[1:] == z[:-1]).all(axis=1)
-        scatter = again & (value[1:] != value[:-1])
-        return bool((again & (seed[1:] != seed[:-1])).any() and not scatter.any())
+        if (again & (value[1:] != value[:-1])).any():
+            return True
+        return False if (again & (seed[1:] != seed[:-1])).any() else None

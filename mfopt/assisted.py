@@ -14,6 +14,7 @@ trained surrogate CMA-ES); Hansen, GECCO 2019, doi:10.1145/3321707.3321842 (lq-C
 of the model's minimiser); Eriksson et al., arXiv:1910.01739 (trust region, Thompson sampling).
 """
 
+import logging
 from collections.abc import Sequence
 from itertools import count
 
@@ -23,7 +24,7 @@ from mfopt.archive import Archive
 from mfopt.arrays import Array, frozen
 from mfopt.belief import FEWEST, Belief, learn
 from mfopt.checks import whole
-from mfopt.climbing import Standing, misled, validation_due, why_climb
+from mfopt.climbing import Standing, misled, validation_due, why_climb, why_leave
 from mfopt.distribution import Distribution
 from mfopt.evaluation import Candidate, Generation, Insight
 from mfopt.phases import distinct
@@ -31,7 +32,7 @@ from mfopt.plan import Plan
 from mfopt.prescreen import DECIDED, blurred, minimiser, thompson
 from mfopt.problem import Problem
 from mfopt.ranking import certainty, expected_weights, recombination_weights
-from mfopt.recommendation import believed, recommended
+from mfopt.recommendation import believed, recommended, scatters
 from mfopt.search import (
     MOST_SEED,
     MOST_SEEDS,
@@ -45,11 +46,14 @@ from mfopt.search import (
 from mfopt.surrogate import Surrogate, check_surrogate
 from mfopt.swap import Exchange, Pair
 
+log = logging.getLogger(__name__)
+
 DRAWS = 128
 RADIUS = 2.0  # of the trust region [sqrt(d)], in the distribution's coordinates
 WIDTH_AFTER_CLIMB = 0.05  # least widest deviation after a level change, unit cube
 FAR = 4.0  # a recommendation so far from the mean [sqrt(d)] starts a new distribution
 WIDTH_OF_RESTART = 0.5  # of the first step size
+WITH_START = 3.0  # least budget [target runs] of which one is kept to run the start at the target
 CONVERGED = 1e-6  # widest deviation at the target level that leads to a restart, unit cube
 
 
@@ -105,10 +109,10 @@ class AssistedCmaEs:
         self._sigma = sigma
         self._objective, self._seeds, self._first_seed = objective, seeds, first_seed
         self._rng = np.random.default_rng(seed)
-        self._start = problem.to_z(problem.baseline if start is None else start)
+        self._start = problem.start(problem.baseline if start is None else start)
         self._archive = Archive.empty(problem.dimension)
         self._number, self._restarts, self._why = 1, 0, "start"
-        self._level, self._lowest = 0, 0
+        self._level, self._lowest, self._target = 0, 0, len(rungs) - 1
         self._since_validation = (0.0, 0)  # cost and runs at the working level
         self._repeated: set[int] = set()  # levels at which a design was run again
         self._belief: Belief | None = None
@@ -216,21 +220,27 @@ class AssistedCmaEs:
 
     @property
     def _affordable(self) -> bool:
-        """Whether the budget allows one more run at the working level, and the last one after it.
-
-        The last run is that of the recommended design at the target level, if it lacks one.
-        """
+        """Whether the budget allows a run at the working level, and those owed at the end."""
         after = self._plan.left_after(self._level)
-        return after >= 0.0 and (after >= self._rungs[-1].cost or not self._lacks_target_run)
+        return after >= self._rungs[-1].cost * self._owed
 
     @property
-    def _lacks_target_run(self) -> bool:
-        """Whether the recommended design has not been asked for at the target level."""
-        best, target = self._recommended(), len(self._rungs) - 1
+    def _owed(self) -> int:
+        """Runs that the end needs at the target: of the recommended design, and of the start.
+
+        That of the start is left out of a budget of fewer than `WITH_START` runs.
+        """
+        best, target = self._recommended(), self._target
+        ladder = target > 0 and self._plan.budget >= WITH_START * self._rungs[-1].cost
+        start = ladder and not self._asked(self._start, target)
         if best is None:
-            return self._level < target
-        asked = (*self._archive.designs_at(target), *self._plan.out_at(target))
-        return not any((z == best).all() for z in asked)
+            return start + (self._level < target)
+        return start + (not self._asked(best, target))
+
+    def _asked(self, z: Array, level: int) -> bool:
+        """Whether the design `z` (d,) was asked for at a level."""
+        asked = (*self._archive.designs_at(level), *self._plan.out_at(level))
+        return any((z == other).all() for other in asked)
 
     def _keep_busy(self) -> None:
         """Plan a run that the search does not wait for, rather than leave a worker idle."""
@@ -253,7 +263,8 @@ class AssistedCmaEs:
         if self._belief is None:
             self._pool = self._samples(self._size)
             self._open: list[int] = []
-            for z in [self._start, *self._pool] if self._number == 1 else self._pool:
+            known = self._asked(self._start, self._level)
+            for z in self._pool if known else [self._start, *self._pool]:
                 if self._affordable:
                     self._plan.add(z, self._level)
             return
@@ -265,12 +276,13 @@ class AssistedCmaEs:
             self._take(0, awaited=True)
 
     def _finish(self) -> None:
-        """Run the recommended design at the target level if it was not, then stop."""
-        target, best = len(self._rungs) - 1, self._recommended()
-        if best is not None and self._lacks_target_run and self._plan.left_after(target) >= 0.0:
-            self._pool, self._open = self._pool[:0], []
-            self._plan.add(best, target)
-        else:
+        """Run the recommended design and the start at the target if they were not, then stop."""
+        best, target = self._recommended(), self._target
+        self._pool, self._open = np.empty((0, self._problem.dimension)), []
+        for z in (self._start,) if best is None else (best, self._start):
+            if not self._asked(z, target) and self._plan.left_after(target) >= 0.0:
+                self._plan.add(z, target)
+        if not self._plan:
             self._stop = "the budget is spent"
 
     def _plan_repeat(self) -> None:
@@ -278,7 +290,7 @@ class AssistedCmaEs:
 
         Not at the target of a ladder, where runs are dear, as long as the levels below are of use.
         """
-        dear = self._lowest < self._level == len(self._rungs) - 1
+        dear = self._lowest < self._level == self._target
         finished = self._archive.finished_at(self._level)
         if dear or self._level in self._repeated or not len(finished):
             return
@@ -381,8 +393,8 @@ class AssistedCmaEs:
 
     @property
     def _scatters(self) -> bool:
-        """Whether runs may scatter; at the target of a ladder what holds one level below."""
-        return not self._archive.exact(max(0, min(self._level, len(self._rungs) - 2)))
+        """Whether runs may scatter at the working level."""
+        return scatters(self._archive, self._level, self._target) is not False
 
     def _close_untaught(self) -> None:
         """Too few runs have finished to learn from: rank what there is, failed runs last."""
@@ -390,7 +402,9 @@ class AssistedCmaEs:
         values = [self._archive.value[rows].min(initial=np.inf) for rows in told]
         order = np.argsort(np.argsort(values, kind="stable"))
         self._distribution.update(self._pool, -recombination_weights(self._size)[order])
-        self._next_generation("")
+        why = self._leave()
+        if self._stop is None:
+            self._next_generation(why)
 
     def _close(self, weights: Array) -> None:
         above, certain = self._level + 1, certainty(weights)
@@ -416,7 +430,9 @@ class AssistedCmaEs:
         z, level = self._recommended(), self._level_recommended
         if z is None or self._belief is None:
             return None
-        mean, deviation = believed(self._archive, self._belief, self._distribution, z, level)
+        mean, deviation = believed(
+            self._archive, self._belief, self._distribution, z, level, self._target
+        )
         return Insight(
             number, certain, runs, self._rungs[level].level,
             tuple(map(float, self._problem.to_x(z))), mean, deviation,
@@ -429,23 +445,39 @@ class AssistedCmaEs:
             self._restarts += 1
             self._begin_at(exchanged, WIDTH_OF_RESTART * self._sigma)
             return self._exchange.name
-        target = len(self._rungs) - 1
         widest = self._distribution.widest
-        if self._level == target:
+        if self._level == self._target:
             if widest < CONVERGED:
                 return self._restart("converged")
             return ""
-        share = float(self._plan.spent[:target].sum() / self._plan.budget)
+        share = float(self._plan.spent[: self._target].sum() / self._plan.budget)
         standing = Standing(self._level, self._archive, share, widest, certain, certain_above)
         why = why_climb(standing)
         return "" if why is None else self._climb(why)
 
+    def _leave(self) -> str:
+        """Leave a level whose runs fail, for the next one or for good; why, in words."""
+        why = why_leave(self._archive, self._level)
+        if why is None:
+            return ""
+        if self._level < self._target:
+            return self._climb(why)
+        self._stop = f"at level {self._rungs[-1].level!r} {why}"
+        return ""
+
     def _climb(self, why: str) -> str:
+        left = self._rungs[self._level].level
+        failing = why_leave(self._archive, self._level) is not None
         self._level += 1
         self._restarts += 1
         self._exchange.new_level()
         self._since_validation = (0.0, 0)
         name = self._rungs[self._level].level
+        if failing:
+            log.warning("level %r is left: %s", left, why)
+            self._lowest = self._level
+            self._begin_at(self._start, self._sigma)
+            return f"level change to {name}, from the start: {why}"
         if misled(self._archive, self._start, self._level):
             self._lowest = self._level
             self._begin_at(self._start, self._sigma)
@@ -474,12 +506,12 @@ class AssistedCmaEs:
     @property
     def _level_recommended(self) -> int:
         """The level that the recommendation is for: the one worked at, in the end the target."""
-        return self._level if self._stop is None else len(self._rungs) - 1
+        return self._level if self._stop is None else self._target
 
     def _recommended(self) -> Array | None:
         """Best design (d,), unit cube; in the end one run at the target level, if there is any."""
         return recommended(
             self._archive, self._belief, self._distribution, self._problem,
-            level=self._level_recommended, fewest=2 * self._size,
+            level=self._level_recommended, target=self._target, fewest=2 * self._size,
             among_runs=self._stop is not None,
         )  # fmt: skip

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from mfopt import names
 from mfopt.errors import ConfigError
 
 
@@ -31,8 +32,8 @@ def whole(name: str, value: Any, lowest: int, highest: int) -> int:
     return number
 
 
-def number(name: str, value: Any) -> float:
-    """`value` as a finite number.
+def number(name: str, value: Any, lowest: float = -math.inf, highest: float = math.inf) -> float:
+    """`value` as a finite number from `lowest` to `highest`.
 
     Raises:
         ConfigError: if it is none; texts and booleans are none.
@@ -45,31 +46,25 @@ def number(name: str, value: Any) -> float:
         result = math.inf
     if not math.isfinite(result):
         raise ConfigError(f"{name} = {result} must be a finite number")
+    if result < lowest:
+        raise ConfigError(f"{name} = {result:g} must be at least {lowest:g}; raise it")
+    if result > highest:
+        raise ConfigError(f"{name} = {result:g} must be at most {highest:g}; lower it")
     return result
 
 
-def positive(name: str, value: Any, highest: float = math.inf) -> float:
-    """`value` as a number above 0 and at most `highest`.
+def name_of(what: str, value: Any) -> str:
+    """`value` as a name that every screen and report can show.
 
     Raises:
         ConfigError: if it is none.
     """
-    result = number(name, value)
-    if result <= 0.0 or result > highest:
-        most = "" if highest == math.inf else f" and at most {highest:g}"
-        raise ConfigError(f"{name} = {result} must be above 0{most}")
-    return result
-
-
-def text(name: str, value: Any) -> str:
-    """`value` as a text that is not empty.
-
-    Raises:
-        ConfigError: if it is none.
-    """
-    if not isinstance(value, str) or not value:
-        raise ConfigError(f"{name} = {shown(value)} must be a text of at least one character")
-    return value
+    if not isinstance(value, str):
+        raise ConfigError(f"the name of {what} = {shown(value)} must be a text")
+    try:
+        return names.shown(value)
+    except ValueError as error:
+        raise ConfigError(f"the name of {what}: {error}") from None
 
 
 def shown(value: Any) -> str:

@@ -2,7 +2,8 @@
 
 Every so often the design recommended so far is run once at the next level: a validation. The
 search moves up when validations stop improving, when the ranking that CMA-ES uses is decided at
-its level but in doubt at the next one, when it has converged, or when its share is spent.
+its level but in doubt at the next one, when it has converged, when its share is spent, or when
+most runs fail.
 """
 
 from dataclasses import dataclass
@@ -18,6 +19,9 @@ PATIENCE = 2  # validations without an improvement
 FEWEST_VALIDATIONS = 6  # before rankings at two levels are compared
 DOUBT = 0.5  # certainty at the next level over that at this one, below which it moves up
 CONVERGED = 2e-3  # widest standard deviation, unit cube: finer at a coarse level is vain
+ALL_OF = 12  # first runs at a level: where they all fail, it is of no use,
+MOST_OF = 40  # nor where of so many runs or more
+MOST = 0.8  # more than this share failed
 BELOW_SHARE = 0.6  # of the budget, for all levels below the target together
 
 
@@ -40,6 +44,8 @@ def validation_due(spent: float, runs: int, cost_above: float) -> bool:
 
 def why_climb(standing: Standing) -> str | None:
     """Why the search should move up one level, in words; None if it should not."""
+    if (failing := why_leave(standing.archive, standing.level)) is not None:
+        return failing
     above = standing.archive.values_at(standing.level + 1)
     if standing.widest < CONVERGED:
         return "converged"
@@ -49,6 +55,16 @@ def why_climb(standing: Standing) -> str | None:
         return "the ranking at the next level is in doubt"
     if len(above) and len(above) - 1 - int(np.argmin(above)) >= PATIENCE:
         return "validations at the next level no longer improve"
+    return None
+
+
+def why_leave(archive: Archive, level: int) -> str | None:
+    """Why a level is of no use because its runs fail, in words; None if it is of use."""
+    failed = ~np.isfinite(archive.values_at(level))
+    if len(failed) >= ALL_OF and failed.all():
+        return f"all of its first {len(failed)} runs failed"
+    if len(failed) >= MOST_OF and failed.mean() > MOST:
+        return f"{failed.sum()} of its {len(failed)} runs failed"
     return None
 
 

@@ -85,7 +85,7 @@ class CmaEs:
         self._restarts = 0
         self._number = 1
         self._stage_number = 0
-        self._begin_stage(problem.to_z(problem.baseline if start is None else start), why="start")
+        self._begin_stage(problem.start(problem.baseline if start is None else start), why="start")
 
     @property
     def generation(self) -> Generation:

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from mfopt.arrays import AnyArray, Array
-from mfopt.checks import positive, shown, text
+from mfopt.checks import name_of, number, shown
 from mfopt.errors import ConfigError
-from mfopt.outcome import Outcome, Status
+from mfopt.outcome import LARGEST_WORK, SMALLEST_WORK, Outcome, Status
 
 Simulator = Callable[[Array, int], Any]  # (x (d,), seed) -> objective value
 LONGEST = 2000  # characters of an exception's message that are kept
@@ -27,7 +27,8 @@ class FunctionLevel:
     """A Python function as a level: `function(x, seed)` returns the number to minimise.
 
     Raises:
-        ConfigError: if the name is empty, the function cannot be called or the work is not above 0.
+        ConfigError: if the name cannot be shown, the function cannot be called, or the work is no
+            number from 1e-12 to 1e18.
     """
 
     name: str
@@ -35,13 +36,13 @@ class FunctionLevel:
     work_per_run: float = 1.0
 
     def __post_init__(self) -> None:
-        text("the name of a level", self.name)
+        name_of("a level", self.name)
         if not callable(self.function):
             raise ConfigError(
                 f"level {self.name!r} = {shown(self.function)} cannot be called; "
                 "give a function(x, seed) that returns a number"
             )
-        positive(f"level {self.name!r}: work_per_run", self.work_per_run)
+        number(f"{self.name!r}: work_per_run", self.work_per_run, SMALLEST_WORK, LARGEST_WORK)
 
     def work(self, x: Array) -> float:
         """Work of one run, in the user's own unit."""

@@ -9,27 +9,37 @@ from pydantic import AfterValidator, Field
 
 from mfopt.names import file_name, shown, word
 from mfopt.outcome import LARGEST_WORK, SMALLEST_WORK
+from mfopt.problem import LARGEST_BOUND
+from mfopt.search import (
+    MOST_BUDGET,
+    MOST_GENERATIONS,
+    MOST_SEED,
+    MOST_SEEDS,
+    MOST_WORKERS,
+    POPULATION_SIZES,
+    SIGMAS,
+)
 
 Name = Annotated[str, AfterValidator(shown)]
 FileName = Annotated[str, AfterValidator(file_name)]
 Word = Annotated[str, AfterValidator(word)]  # of a command
 
-# Random draws start from it. Every program reads whole numbers up to 2**53 exactly from JSON.
-Seed = Annotated[int, Field(ge=0, le=2**53)]
-SearchSeeds = Annotated[int, Field(ge=1, le=10_000)]
+# Random draws start from it.
+Seed = Annotated[int, Field(ge=0, le=MOST_SEED)]
+SearchSeeds = Annotated[int, Field(ge=1, le=MOST_SEEDS)]
 ConfirmSeeds = Annotated[int, Field(ge=0, le=10_000)]
 
-Budget = Annotated[float, Field(ge=1.0, le=1e6)]  # [full runs]
-Generations = Annotated[int, Field(ge=1, le=100_000)]
-PopulationSize = Annotated[int, Field(ge=3, le=10_000)]
-Sigma = Annotated[float, Field(gt=1e-6, le=1.0)]  # [width of the bounds]
-Workers = Annotated[int, Field(ge=1, le=4096)]
+Budget = Annotated[float, Field(ge=1.0, le=MOST_BUDGET)]  # [full runs]
+Generations = Annotated[int, Field(ge=1, le=MOST_GENERATIONS)]
+PopulationSize = Annotated[int, Field(ge=POPULATION_SIZES[0], le=POPULATION_SIZES[1])]
+Sigma = Annotated[float, Field(ge=SIGMAS[0], le=SIGMAS[1])]  # [width of the bounds]
+Workers = Annotated[int, Field(ge=1, le=MOST_WORKERS)]
 
 MOST_VARIABLES = 500
 MOST_LEVELS = 50
 MOST_STAGES = 1000
 
-Bound = Annotated[float, Field(ge=-1e100, le=1e100)]  # of a variable, in its unit
+Bound = Annotated[float, Field(ge=-LARGEST_BOUND, le=LARGEST_BOUND)]  # of a variable, in its unit
 Work = Annotated[float, Field(ge=SMALLEST_WORK, le=LARGEST_WORK)]  # of a run, in any unit
 TimeLimit = Annotated[float, Field(ge=0.1, le=1e8)]  # [s] up to three years
 

@@ -7,7 +7,7 @@ from itertools import islice
 import numpy as np
 
 from mfopt.arrays import Array, frozen
-from mfopt.checks import number, shown, text
+from mfopt.checks import name_of, number, shown
 from mfopt.errors import ConfigError, SimulationError
 
 REDRAWS = 1000  # draws for one possible design before giving up
@@ -26,20 +26,21 @@ class Variable:
     unit: str = "-"
 
     def __post_init__(self) -> None:
-        text("the name of a variable", self.name)
+        name_of("a variable", self.name)
         for which in ("lower", "upper"):
-            bound = number(f"variable {self.name!r}: {which} bound", getattr(self, which))
-            if abs(bound) > LARGEST_BOUND:
-                raise ConfigError(
-                    f"variable {self.name!r}: {which} bound {bound:g} must lie within "
-                    f"+-{LARGEST_BOUND:g} {self.unit}; choose another unit"
-                )
+            where = f"variable {self.name!r}: {which} bound"
+            bound = number(where, getattr(self, which), -LARGEST_BOUND, LARGEST_BOUND)
             object.__setattr__(self, which, bound)
         if self.lower >= self.upper:
             raise ConfigError(
                 f"variable {self.name!r}: lower bound {self.lower:g} must be below "
                 f"upper bound {self.upper:g} {self.unit}; exchange them"
             )
+
+    @property
+    def middle(self) -> float:
+        """The middle of the bounds."""
+        return (self.lower + self.upper) / 2.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,19 +65,8 @@ class Problem:
             raise ConfigError("the problem has no variables: free at least one")
         if len(set(names)) < len(names):
             raise ConfigError(f"variable names must differ: {', '.join(names)}")
-        x = frozen(self.baseline)
-        if x.shape != (len(names),):
-            raise ConfigError(f"baseline has {x.size} values, the problem {len(names)} variables")
-        for value, v in zip(x, self.variables, strict=True):
-            if not v.lower <= value <= v.upper:
-                raise ConfigError(
-                    f"baseline {v.name} = {value:g} {v.unit} is outside its bounds "
-                    f"{v.lower:g} to {v.upper:g}; move the start or widen the bounds"
-                )
-        object.__setattr__(self, "baseline", x)
-        if (why := self.impossible(self.to_x(self.to_z(x)))) is not None:
-            named = ", ".join(f"{name} = {value:g}" for name, value in self.named(x).items())
-            raise ConfigError(f"the start is impossible: {why}; give another start than {named}")
+        object.__setattr__(self, "baseline", frozen(self.baseline))
+        self.start(self.baseline)
 
     @property
     def dimension(self) -> int:
@@ -106,6 +96,28 @@ class Problem:
     def to_z(self, x: Array) -> Array:
         """Map physical units to the unit cube, (..., d)."""
         return np.asarray((x - self.lower) / (self.upper - self.lower))
+
+    def start(self, x: Array) -> Array:
+        """The design `x` (d,) in the unit cube, for a search to begin with.
+
+        Raises:
+            ConfigError: if it is out of bounds or impossible.
+        """
+        if x.shape != (self.dimension,):
+            raise ConfigError(
+                f"baseline has {x.size} values, the problem {self.dimension} variables"
+            )
+        for value, v in zip(x, self.variables, strict=True):
+            if not v.lower <= value <= v.upper:
+                raise ConfigError(
+                    f"baseline {v.name} = {value:g} {v.unit} is outside its bounds "
+                    f"{v.lower:g} to {v.upper:g}; move the start or widen the bounds"
+                )
+        z = self.to_z(x)
+        if (why := self.impossible(self.to_x(z))) is not None:
+            named = ", ".join(f"{name} = {value:g}" for name, value in self.named(x).items())
+            raise ConfigError(f"the start is impossible: {why}; give another start than {named}")
+        return z
 
     def impossible(self, x: Array) -> str | None:
         """Why the design `x` (d,) can never be built, or None.

@@ -19,22 +19,26 @@ def recommended(
     problem: Problem,
     *,
     level: int,
+    target: int,
     fewest: int,
     among_runs: bool,
 ) -> Array | None:
     """The best design (d,) in the posterior, doubt counted against it (`Belief.best`).
 
-    Where runs do not scatter it is simply the best run.
+    Where runs do not scatter it is simply the best run, and in the end also where none was run
+    again, so that nothing is known of scatter.
 
     Args:
         level: that it is to be best at.
+        target: the last level.
         fewest: so many of the nearest count as nearby, however far they are.
         among_runs: choose among the designs that were run at the level, if there are any.
 
     Returns:
         None before a run has finished.
     """
-    if archive.exact(level):
+    scatter = scatters(archive, level, target)
+    if len(archive.finished_at(level)) and (scatter is False or (scatter is None and among_runs)):
         return archive.best_at(level)[0]
     if belief is not None:
         centre = _centre(archive, distribution, problem)
@@ -45,15 +49,29 @@ def recommended(
     return np.asarray(archive.z[int(np.argmin(archive.value))])
 
 
+def scatters(archive: Archive, level: int, target: int) -> bool | None:
+    """Whether runs at a level scatter; None where nothing is known.
+
+    At the target of a ladder, where a run is dear, the level below answers for want of better.
+    """
+    known = archive.scatter(level)
+    return archive.scatter(level - 1) if known is None and 0 < level == target else known
+
+
 def believed(
-    archive: Archive, belief: Belief, distribution: Distribution, z: Array, level: int
+    archive: Archive,
+    belief: Belief,
+    distribution: Distribution,
+    z: Array,
+    level: int,
+    target: int,
 ) -> tuple[float, float]:
     """Noise-free objective of the recommended design `z` (d,) at a level, and its deviation.
 
     It is larger than the posterior's: a design that was chosen for its posterior is one in which
     that errs more than elsewhere.
     """
-    if archive.exact(level):
+    if len(archive.finished_at(level)) and scatters(archive, level, target) is False:
         return archive.best_at(level)[1], 0.0
     mean, variance = belief.posterior.predict(distribution.to_u(z[None, :]), level)
     return float(mean[0]), OVERCONFIDENCE * float(np.sqrt(variance[0]))

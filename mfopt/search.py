@@ -7,10 +7,11 @@ from itertools import pairwise
 from typing import Literal, Protocol, get_args
 
 from mfopt.arrays import Array
-from mfopt.checks import number, positive, shown, text, whole
+from mfopt.checks import name_of, number, shown, whole
 from mfopt.errors import ConfigError
 from mfopt.evaluation import Candidate, Generation, Insight
 from mfopt.level import Ladder
+from mfopt.outcome import LARGEST_WORK, SMALLEST_WORK
 
 
 class Search(Protocol):
@@ -65,10 +66,13 @@ class Search(Protocol):
 
 Reevaluate = Literal["none", "ranks", "elite"]
 
-POPULATION_SIZES = (2, 1000)  # a covariance of 1000 candidates is factored in every generation
-MOST_GENERATIONS = 1_000_000
-MOST_SEEDS = 100_000  # below `mfopt.run.CONFIRM_SEED`, so that confirmation is on fresh ones
-MOST_SEED = 2**63 - 1  # of a search: what fits 64 bits
+POPULATION_SIZES = (2, 1000)  # a covariance of all candidates is factored in every generation
+MOST_GENERATIONS = 100_000
+MOST_SEEDS = 10_000  # below `mfopt.run.CONFIRM_SEED`, so that confirmation is on fresh ones
+MOST_SEED = 2**53  # of a search; every program reads so large whole numbers exactly from JSON
+SIGMAS = (1e-6, 1.0)  # first step sizes
+MOST_BUDGET = 1e6  # target runs
+MOST_WORKERS = 4096
 
 
 def check_sigma(sigma: float, where: str = "") -> None:
@@ -78,11 +82,9 @@ def check_sigma(sigma: float, where: str = "") -> None:
         ConfigError: if it does not.
     """
     try:
-        positive("sigma", sigma, 1.0)
+        number(f"{where}sigma", sigma, *SIGMAS)
     except ConfigError as error:
-        raise ConfigError(
-            f"{where}{error} (a step in the unit cube; 0.2 is a good start)"
-        ) from None
+        raise ConfigError(f"{error} (a step in the unit cube; 0.2 is a good start)") from None
 
 
 def check_reevaluate(reevaluate: str, where: str = "") -> None:
@@ -110,7 +112,7 @@ class Stage:
     reevaluate: Reevaluate = "none"  # which candidates are run again
 
     def __post_init__(self) -> None:
-        text("the level of a stage", self.level)
+        name_of("a level", self.level)
         where = f"stage on {self.level!r}: "
         whole(where + "generations", self.generations, 1, MOST_GENERATIONS)
         whole(where + "population_size", self.population_size, *POPULATION_SIZES)
@@ -139,15 +141,24 @@ class Rung:
     `rungs` makes them of a ladder, where a run counts as at least 1/512 of a target run.
 
     Raises:
-        ConfigError: if the cost is not a finite number above 0.
+        ConfigError: if the cost is no number from 1e-12 to 1e18.
     """
 
     level: str
     cost: float  # of one run, in the unit of the budget
 
     def __post_init__(self) -> None:
-        text("the level of a rung", self.level)
-        positive(f"level {self.level!r}: cost", self.cost)
+        name_of("a level", self.level)
+        check_work(f"level {self.level!r}: cost", self.cost)
+
+
+def check_work(name: str, work: float) -> float:
+    """The work or cost of a run as a number.
+
+    Raises:
+        ConfigError: if it is none, or so small or large that sums and quotients would overflow.
+    """
+    return number(name, work, SMALLEST_WORK, LARGEST_WORK)
 
 
 def rungs(ladder: Ladder, x: Array) -> tuple[Rung, ...]:
@@ -157,9 +168,12 @@ def rungs(ladder: Ladder, x: Array) -> tuple[Rung, ...]:
     own work is what costs.
 
     Raises:
-        ConfigError: if a level's work is not above 0, or more than that of the level after it.
+        ConfigError: if the work of a level is no number from 1e-12 to 1e18, or more than that of
+            the level after it.
     """
-    works = {level.name: positive(f"level {level.name!r}: work", level.work(x)) for level in ladder}
+    works = {
+        level.name: check_work(f"level {level.name!r}: work", level.work(x)) for level in ladder
+    }
     full = works[ladder.top.name]
     found = tuple(Rung(name, max(work / full, CHEAPEST)) for name, work in works.items())
     check_rungs(found)
@@ -189,7 +203,8 @@ def affordable(budget: float, rungs: Sequence[Rung]) -> float:
     Raises:
         ConfigError: if it does not.
     """
-    budget, target = number("budget", budget), rungs[-1]
+    target = rungs[-1]
+    budget = number("budget", budget, highest=MOST_BUDGET * target.cost)
     if budget < target.cost:
         raise ConfigError(
             f"budget = {budget:g} is below the cost of one run at {target.level!r}, "

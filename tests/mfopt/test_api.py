@@ -81,7 +81,7 @@ def test_failing_function_says_why() -> None:
         ({"generations": {"g": 3}}, "unknown level 'g'"),
         ({"start": [0.5]}, "baseline has 1 values"),
         ({"start": [0.5, float("nan")]}, "outside its bounds"),
-        ({"sigma": 0.0}, "sigma = 0.0 must be above 0"),
+        ({"sigma": 0.0}, "sigma = 0 must be at least 1e-06"),
         ({"population_size": 1}, "population_size = 1"),
         ({"reevaluate": "all"}, "reevaluate = 'all' is none of none, ranks, elite"),
     ],
@@ -118,7 +118,7 @@ def test_with_a_surrogate_it_keeps_to_its_budget_and_corrects_the_coarse_level()
         ({"reevaluate": "ranks"}, 'reevaluate = "ranks" is for the search without a surrogate'),
         ({"surrogate": None}, "budget = 12 needs a surrogate"),
         ({"costs": {"coarse": 1}}, "costs are given for coarse, the levels are coarse, fine"),
-        ({"costs": {"coarse": 0, "fine": 1}}, "coarse = 0 must be a number from 1e-12"),
+        ({"costs": {"coarse": 0, "fine": 1}}, "costs: coarse = 0 must be at least 1e-12"),
         ({"levels": [mfopt.FunctionLevel("fine", shifted_sphere)]}, "costs are for functions"),
     ],
 )
