@@ -42,6 +42,7 @@ from mfopt.search import (
     check_rungs,
     check_sigma,
     default_population_size,
+    usable,
 )
 from mfopt.surrogate import Surrogate, check_surrogate
 from mfopt.swap import Exchange, Pair
@@ -186,7 +187,7 @@ class AssistedCmaEs:
             else:
                 z, level = self._problem.to_z(candidate.x), self._index(candidate.level)
                 self._plan.spent[level] += self._rungs[level].cost
-            self._archive = self._archive.added(z, level, candidate.seed, float(value), row)
+            self._archive = self._archive.added(z, level, candidate.seed, usable(value), row)
         if self._stop is None and not self._plan.waits:
             self._go_on()
 

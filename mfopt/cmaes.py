@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from mfopt.arrays import Array, frozen
+from mfopt.arrays import Array, capped, frozen
 from mfopt.checks import whole
 from mfopt.errors import ConfigError
 from mfopt.evaluation import Candidate, Generation, Insight
@@ -25,7 +25,7 @@ from mfopt.phases import distinct
 from mfopt.problem import Problem
 from mfopt.pycma import strategy, tell
 from mfopt.reevaluation import EliteDoubt, NoReplicates, Reevaluation, UncertaintyHandling
-from mfopt.search import MOST_SEED, Stage
+from mfopt.search import MOST_SEED, Stage, usable
 from mfopt.swap import Pair, Watch
 
 TOLERANCE_X = 1e-3  # unit cube: finer than a workshop can make
@@ -130,7 +130,7 @@ class CmaEs:
         if all(candidate.purpose != "search" for candidate in candidates):
             return
         for candidate, value in zip(candidates, values, strict=True):
-            self._told[candidate.index] = float(value)
+            self._told[candidate.index] = float(capped(usable(value)))
         if len(self._told) == len(self._drawn) + len(self._again):
             runs = self._runs
             left = self._runs_left - len(self._told)

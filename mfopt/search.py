@@ -42,7 +42,7 @@ class Search(Protocol):
         """Learn the objective values of some candidates, in any order.
 
         Args:
-            values: infinite for a failed run.
+            values: infinite for a failed run; what is no number counts as failed.
             counts: (n, c) soft-constraint terms contained in the values.
         """
 
@@ -211,6 +211,11 @@ def affordable(budget: float, rungs: Sequence[Rung]) -> float:
             f"{target.cost:g}; raise it"
         )
     return budget
+
+
+def usable(value: float) -> float:
+    """A value as a search keeps it: what is nan or -inf is that of a failed run."""
+    return float(value) if -math.inf < value else math.inf
 
 
 def window(workers: int) -> int:

@@ -5,7 +5,7 @@ from typing import Protocol
 
 import numpy as np
 
-from mfopt.arrays import Array, BoolArray, IntArray, frozen
+from mfopt.arrays import Array, BoolArray, IntArray, capped, frozen
 from mfopt.checks import shown
 from mfopt.errors import ConfigError
 
@@ -27,7 +27,7 @@ class Observations:
     Args:
         z: (n, d) where the runs were, in the coordinates of the search.
         level: (n,) level of each run, 0 the coarsest.
-        value: (n,) objective; infinite for a failed run.
+        value: (n,) objective; infinite for a failed run. Beyond +-1e50 it counts as that.
         counts: (n, c) soft-constraint terms contained in `value`, weighted, at least 0.
     """
 
@@ -38,8 +38,8 @@ class Observations:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "z", frozen(self.z))
-        object.__setattr__(self, "value", frozen(self.value))
-        object.__setattr__(self, "counts", frozen(self.counts))
+        object.__setattr__(self, "value", frozen(capped(self.value)))
+        object.__setattr__(self, "counts", frozen(capped(self.counts)))
         level = np.array(self.level, dtype=np.int64)
         level.flags.writeable = False
         object.__setattr__(self, "level", level)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mfopt.arrays import Array, IntArray
-from surrogates.warp import Warp
+from surrogates.warp import SMALLEST_WARP, Warp
 
 SMALLEST_SCALE = 1e-9  # relative; constant values get this spread
 
@@ -98,7 +98,7 @@ def scaling_of(rows: Rows, warp: Warp) -> Scaling:
     z_scale = rows.z.std(axis=0)
     z_scale[z_scale <= 1e-12 * (1.0 + np.abs(rows.z).max(axis=0))] = 1.0
     y = group_means(rows, warp.forward(rows.value))
-    smallest = SMALLEST_SCALE * max(1.0, float(np.abs(y).max()))
+    smallest = max(SMALLEST_SCALE * float(np.abs(y).max() or 1.0), SMALLEST_WARP)
     levels = range(len(rows.levels))
     centre = np.array([y[rows.index == k].mean() for k in levels])
     within = float((y - centre[rows.index]).std())

@@ -9,6 +9,7 @@ from mfopt.arrays import Array, IntArray
 NODES, NODE_WEIGHTS = np.polynomial.hermite_e.hermegauss(20)
 NODE_WEIGHTS = NODE_WEIGHTS / NODE_WEIGHTS.sum()
 LARGEST_EXPONENT = 200.0  # beyond this the inverse would overflow when squared
+SMALLEST_WARP = 1e-100  # scale below which its quotients would overflow
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,10 +76,10 @@ def warp_of_objective(value: Array, level: IntArray, fewest: int = 10) -> Warp:
         chosen = value
     knot = float(np.median(chosen))
     below, above = knot - float(chosen.min()), float(chosen.max()) - knot
-    return Warp(knot, below or above or max(1.0, abs(knot)))
+    return Warp(knot, max(below or above or abs(knot) or 1.0, SMALLEST_WARP))
 
 
 def warp_of_count(count: Array) -> Warp:
     """The default transform of counts (n,): logarithmic from 0 on the scale of their median."""
     positive = count[count > 0.0]
-    return Warp(0.0, float(np.median(positive)) if len(positive) else 1.0)
+    return Warp(0.0, max(float(np.median(positive)), SMALLEST_WARP) if len(positive) else 1.0)

@@ -68,8 +68,31 @@ def test_failing_function_says_why() -> None:
     def broken(x: Array, seed: int) -> float:
         raise RuntimeError("licence expired")
 
-    with pytest.raises(mfopt.MfoptError, match="licence expired"):
+    with pytest.raises(mfopt.MfoptError, match="6 of 6 failed with: RuntimeError: licence expired"):
         mfopt.minimize({"f": broken}, BOUNDS, generations=1)
+
+
+def test_a_function_that_exits_ends_no_script() -> None:
+    def leaving(x: Array, seed: int) -> float:
+        raise SystemExit(0)
+
+    with pytest.raises(mfopt.MfoptError, match="SystemExit: 0"):
+        mfopt.minimize({"f": leaving}, BOUNDS, generations=1)
+
+
+def test_nothing_is_found_where_no_run_at_the_target_finished() -> None:
+    def broken(x: Array, seed: int) -> float:
+        raise RuntimeError("licence expired")
+
+    with pytest.raises(mfopt.MfoptError, match=r"no run at level 'fine' finished; .*licence"):
+        mfopt.minimize({"coarse": shifted_sphere, "fine": broken}, BOUNDS, generations=1)
+
+
+def test_an_array_of_one_number_is_a_value() -> None:
+    def of_one(x: Array, seed: int) -> Array:
+        return np.array([shifted_sphere(x, seed)])
+
+    assert mfopt.minimize({"f": of_one}, BOUNDS, generations=8).f < 0.5
 
 
 @pytest.mark.parametrize(
@@ -83,6 +106,30 @@ def test_failing_function_says_why() -> None:
         ({"start": [0.5, float("nan")]}, "outside its bounds"),
         ({"sigma": 0.0}, "sigma = 0 must be at least 1e-06"),
         ({"population_size": 1}, "population_size = 1"),
+        ({"population_size": 0}, "population_size = 0 must be at least 2"),
+        ({"population_size": 10**10}, "population_size = 10000000000 must be at most 1000"),
+        ({"seeds": 0}, "seeds = 0 must be at least 1"),
+        ({"seed": -1}, "seed = -1 must be at least 0"),
+        ({"seed": 1.5}, r"seed = 1\.5 must be a whole number"),
+        ({"workers": 0}, "workers = 0 must be at least 1"),
+        ({"workers": 10**12}, "workers = 1000000000000 must be at most 4096"),
+        ({"generations": 10**9}, "generations = 1000000000 must be at most"),
+        ({"generations": {}}, "generations = {} plans nothing"),
+        ({"bounds": [(0, 1), (0, 1)]}, "must give lower and upper bound by name"),
+        ({"bounds": {"a": 3}}, r"bounds: a = 3 must be a pair \(lower, upper\)"),
+        ({"bounds": {"a": ("0", "1")}}, "lower bound = '0' must be a number"),
+        ({"bounds": {3: (0, 1)}}, "name of a variable = 3 must be a text"),
+        ({"start": "middle"}, "start = 'middle' must be a list of one number a variable"),
+        ({"start": [[0.5, 0.5]]}, "must be a list of one number a variable"),
+        ({"start": [0.5, "0.5"]}, "must be a list of one number a variable"),
+        ({"constraint": "x > 1"}, "constraint = 'x > 1' must be a function of x"),
+        ({"constraint": lambda x: "too wide"}, "the start is impossible: too wide"),
+        ({"directory": 3}, "directory = 3 must be a path"),
+        ({"levels": shifted_sphere}, "must be functions by name"),
+        ({"levels": [shifted_sphere]}, "is no Level: it needs a name"),
+        ({"levels": {"f": 3}}, "level 'f' = 3 cannot be called"),
+        ({"costs": [1]}, r"costs = \[1\] must give a number by level"),
+        ({"surrogate": AutoregressiveGp, "budget": 9}, "AutoregressiveGp is a class; make one"),
         ({"reevaluate": "all"}, "reevaluate = 'all' is none of none, ranks, elite"),
     ],
 )
@@ -113,9 +160,13 @@ def test_with_a_surrogate_it_keeps_to_its_budget_and_corrects_the_coarse_level()
     ("change", "words"),
     [
         ({"budget": None}, "a surrogate needs a budget"),
+        ({"budget": float("nan")}, "budget = nan must be a finite number"),
+        ({"budget": "10"}, "budget = '10' must be a number"),
+        ({"sigma": 0}, "sigma = 0 must be at least"),
+        ({"costs": {"coarse": 20, "fine": 1}}, "a run at level 'coarse' costs 20, more than one"),
         ({"budget": 0.5}, "budget = 0.5 is below the cost of one run at 'fine'"),
         ({"generations": 3}, "and no generations"),
-        ({"reevaluate": "ranks"}, 'reevaluate = "ranks" is for the search without a surrogate'),
+        ({"reevaluate": "ranks"}, "reevaluate = 'ranks' is for the search without a surrogate"),
         ({"surrogate": None}, "budget = 12 needs a surrogate"),
         ({"costs": {"coarse": 1}}, "costs are given for coarse, the levels are coarse, fine"),
         ({"costs": {"coarse": 0, "fine": 1}}, "costs: coarse = 0 must be at least 1e-12"),
@@ -127,3 +178,73 @@ def test_wrong_arguments_of_the_assisted_search_are_named(
 ) -> None:
     with pytest.raises(mfopt.ConfigError, match=words):
         mfopt.minimize(**ASSISTED | change)  # type: ignore[arg-type]
+
+
+def test_a_budget_of_one_run_is_the_start_s() -> None:
+    best = mfopt.minimize(**ASSISTED | {"budget": 1, "costs": {"coarse": 1, "fine": 64}})  # type: ignore[arg-type]
+    assert len(best.evaluations) == 1
+    assert best.f == shifted_sphere(np.array([0.5, 0.0]), 0)
+
+
+def noisy(x: Array, seed: int) -> float:
+    draws = np.random.default_rng([seed, *np.frombuffer(x.tobytes(), np.uint32)])
+    return shifted_sphere(x, seed) + draws.normal()
+
+
+def test_under_noise_the_value_is_an_estimate_with_its_interval() -> None:
+    best = mfopt.minimize(
+        {"f": noisy}, BOUNDS, surrogate=AutoregressiveGp(), budget=40, seeds=2, seed=3
+    )
+    assert best.interval is not None
+    low, high = best.interval
+    assert low < shifted_sphere(best.x, 0) < high
+    assert low < best.f < high
+    assert best.best_run.objective == min(e.objective for e in best.evaluations)
+    assert best.best_run.objective < low  # the lowest of many noisy values is luck
+
+
+def test_without_noise_the_value_is_the_one_measured() -> None:
+    best = mfopt.minimize(**ASSISTED)  # type: ignore[arg-type]
+    fine = [e.objective for e in best.evaluations if e.candidate.level == "fine"]
+    assert best.f == best.best_run.objective == min(fine)
+    assert best.interval == (best.f, best.f)
+
+
+def test_where_nothing_is_known_of_scatter_there_is_no_interval() -> None:
+    assert mfopt.minimize({"f": noisy}, BOUNDS, generations=4).interval is None
+
+
+def test_what_was_found_is_said_in_a_few_lines() -> None:
+    best = mfopt.minimize(**ASSISTED)  # type: ignore[arg-type]
+    said = str(best).splitlines()
+    assert len(said) == 5
+    assert said[0] == f"x: a = {best.x[0]:.6g}, b = {best.x[1]:.6g}"
+    assert said[1].startswith(f"f = {best.f:.6g} at level 'fine', as measured")
+    assert "at 'coarse'" in said[3]
+    assert best.why in said[4]
+    assert repr(best) == str(best)
+
+
+def test_runs_of_a_kept_directory_are_said_to_be_used(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    for _ in range(2):
+        best = mfopt.minimize(
+            {"f": shifted_sphere}, BOUNDS, generations=2, directory=tmp_path / "r"
+        )
+    assert best.stored == len(best.evaluations) == 12
+    (record,) = (r.getMessage() for r in caplog.records)
+    assert record.startswith(f"12 runs stored in {tmp_path / 'r'} are used")
+    assert "12 of all were stored before" in str(best)
+
+
+def test_a_broken_level_is_left_and_the_target_is_searched() -> None:
+    def broken(x: Array, seed: int) -> float:
+        raise NameError("name 'y' is not defined")
+
+    best = mfopt.minimize(
+        {"c": broken, "f": shifted_sphere}, BOUNDS, costs={"c": 1, "f": 100},
+        surrogate=AutoregressiveGp(), budget=25,
+    )  # fmt: skip
+    assert sum(e.candidate.level == "c" for e in best.evaluations) < 20
+    assert best.f < 0.01

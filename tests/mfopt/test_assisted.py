@@ -224,11 +224,101 @@ def test_the_exchange_leads_out_of_the_wrong_order() -> None:
     assert run(search, {"f": valley})[-1][1] < 0.5
 
 
+def best_value(search: AssistedCmaEs, f: Function) -> float:
+    best = search.recommended()
+    assert best is not None
+    return f(best)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("budget", [2.5, 4.0, 12.0])
+def test_without_noise_the_best_run_at_the_target_is_recommended(seed: int, budget: float) -> None:
+    rungs = [Rung("coarse", 1 / 20), Rung("fine", 1.0)]
+    search = AssistedCmaEs(problem(3), rungs, AutoregressiveGp(), budget=budget, seed=seed)
+    measured = []
+    while search.should_stop() is None:
+        candidates = search.ask()
+        values = [discus(c.x + 0.2 * (c.level == "coarse")) for c in candidates]
+        search.tell(candidates, values)
+        measured += [f for c, f in zip(candidates, values, strict=True) if c.level == "fine"]
+    assert best_value(search, discus) == min(measured)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("budget", [3.0, 4.0])
+def test_a_coarse_level_that_lies_leads_to_nothing_worse_than_the_start(
+    seed: int, budget: float
+) -> None:
+    levels: dict[str, Function] = {"coarse": lambda x: sphere(-x), "fine": sphere}
+    rungs = [Rung("coarse", 1 / 20), Rung("fine", 1.0)]
+    search = AssistedCmaEs(problem(3), rungs, AutoregressiveGp(), budget=budget, seed=seed)
+    assert run(search, levels)[-1][1] <= sphere(problem(3).baseline)
+
+
+def failing(levels: dict[str, Function], budget: float = 20.0) -> tuple[AssistedCmaEs, list[str]]:
+    """A search over levels that cost 1/20 each but the last, and the levels of its runs."""
+    rungs = [Rung(name, 0.05) for name in list(levels)[:-1]] + [Rung(list(levels)[-1], 1.0)]
+    search = AssistedCmaEs(problem(3), rungs, AutoregressiveGp(), budget=budget, seed=1)
+    asked = []
+    while search.should_stop() is None:
+        candidates = search.ask()
+        asked += [c.level for c in candidates]
+        search.tell(candidates, [levels[c.level](c.x) for c in candidates])
+    return search, asked
+
+
+def test_a_level_whose_runs_all_fail_is_left(caplog: pytest.LogCaptureFixture) -> None:
+    search, asked = failing({"broken": lambda x: np.inf, "coarse": sphere, "fine": sphere})
+    assert asked.count("broken") < 20
+    assert best_value(search, sphere) < 0.01
+    (record,) = (r.getMessage() for r in caplog.records)
+    assert "level 'broken' is left: all of its first" in record
+
+
+def test_a_level_whose_runs_mostly_fail_is_left() -> None:
+    count = 0
+
+    def flaky(x: Array) -> float:
+        nonlocal count
+        count += 1
+        return sphere(x) if count % 8 == 1 else np.inf
+
+    search, asked = failing({"flaky": flaky, "fine": sphere})
+    assert asked.count("flaky") < 60
+    assert best_value(search, sphere) < 0.05
+
+
+def test_a_target_whose_first_runs_all_fail_ends_the_search() -> None:
+    search, asked = failing({"coarse": sphere, "fine": lambda x: np.inf}, budget=60.0)
+    assert asked.count("fine") < 60
+    why = search.should_stop()
+    assert why is not None
+
+
+def test_a_single_level_whose_first_runs_all_fail_ends_the_search() -> None:
+    search, asked = failing({"fine": lambda x: np.inf}, budget=60.0)
+    assert 12 <= len(asked) < 25
+    assert "at level 'fine' all of its first" in str(search.should_stop())
+
+
+@pytest.mark.parametrize("levels", [1, 2, 3])
+def test_a_budget_of_one_target_run_is_spent_on_the_start(levels: int) -> None:
+    search, asked = failing({str(k): sphere for k in range(levels)}, budget=1.0)
+    assert asked == [str(levels - 1)]
+    assert best_value(search, sphere) == sphere(problem(3).baseline)
+
+
 def test_bad_input_is_named() -> None:
     gp = AutoregressiveGp()
     with pytest.raises(ConfigError, match="no level"):
         AssistedCmaEs(problem(), [], gp, budget=1.0, seed=1)
     with pytest.raises(ConfigError, match=r"budget = 0\.5 is below the cost of one run"):
         AssistedCmaEs(problem(), [Rung("f", 1.0)], gp, budget=0.5, seed=1)
-    with pytest.raises(ConfigError, match=r"cost = 0 must be at least"):
+    with pytest.raises(ConfigError, match="surrogate = AutoregressiveGp is a class; make one"):
+        AssistedCmaEs(problem(), [Rung("f", 1.0)], AutoregressiveGp, budget=9.0, seed=1)  # type: ignore[arg-type]
+    with pytest.raises(ConfigError, match=r"cannot learn: it has no fit\(\)"):
+        AssistedCmaEs(problem(), [Rung("f", 1.0)], 3, budget=9.0, seed=1)  # type: ignore[arg-type]
+    with pytest.raises(ConfigError, match="a run at level 'a' costs 2, more than one at 'b'"):
+        AssistedCmaEs(problem(), [Rung("a", 2.0), Rung("b", 1.0)], gp, budget=9.0, seed=1)
+    with pytest.raises(ConfigError, match="cost = 0 must be at least"):
         Rung("f", 0.0)

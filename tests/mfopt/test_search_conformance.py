@@ -8,28 +8,35 @@ import pytest
 from mfopt.arrays import Array
 from mfopt.assisted import AssistedCmaEs
 from mfopt.cmaes import CmaEs
+from mfopt.errors import ConfigError
 from mfopt.problem import Constraint, Problem, Variable
 from mfopt.search import Rung, Search, Stage
 from surrogates.autoregressive import AutoregressiveGp
 
-Make = Callable[[Problem], Search]
+Make = Callable[..., Search]
 
 
-def planned(problem: Problem) -> Search:
-    return CmaEs(problem, [Stage("coarse", 3, 6), Stage("fine", 2, 6)], seed=1)
+def planned(problem: Problem, size: int = 6, sigma: float = 0.2, seed: int = 1) -> Search:
+    stages = [Stage("coarse", 3, size, sigma), Stage("fine", 2, size, sigma)]
+    return CmaEs(problem, stages, seed=seed)
 
 
-def assisted(problem: Problem) -> Search:
+def assisted(
+    problem: Problem, size: int | None = None, sigma: float = 0.2, seed: int = 1
+) -> Search:
     rungs = [Rung("coarse", 0.2), Rung("fine", 1.0)]
-    return AssistedCmaEs(problem, rungs, AutoregressiveGp(), budget=14.0, seed=1)
+    return AssistedCmaEs(
+        problem, rungs, AutoregressiveGp(), budget=14.0, seed=seed, population_size=size,
+        sigma=sigma,
+    )  # fmt: skip
 
 
 SEARCHES = pytest.mark.parametrize("make", [planned, assisted])
 
 
-def problem(constraint: Constraint | None = None) -> Problem:
-    variables = tuple(Variable(f"x{i}", -5.0, 5.0) for i in range(3))
-    return Problem(variables, np.full(3, 2.0), constraint)
+def problem(constraint: Constraint | None = None, d: int = 3) -> Problem:
+    variables = tuple(Variable(f"x{i}", -5.0, 5.0) for i in range(d))
+    return Problem(variables, np.full(d, 2.0), constraint)
 
 
 def value(x: Array, level: str) -> float:
@@ -93,3 +100,52 @@ def test_it_survives_that_every_run_fails(make: Make) -> None:
         candidates = search.ask()
         search.tell(candidates, [np.inf] * len(candidates))
     assert search.should_stop()
+
+
+@SEARCHES
+@pytest.mark.parametrize("size", [2, 3, 4, 5])
+@pytest.mark.parametrize("d", [1, 2, 7])
+def test_small_populations_work_in_any_dimension(make: Make, d: int, size: int) -> None:
+    search = make(problem(d=d), size)
+    drive(search, 2)
+    best = search.recommended()
+    assert best is not None
+    assert value(best, "fine") <= value(problem(d=d).baseline, "fine")
+
+
+@SEARCHES
+@pytest.mark.parametrize("sigma", [0.3, 1.0])
+def test_one_variable_works_from_wide_steps(make: Make, sigma: float) -> None:
+    for seed in range(3 if make is assisted else 20):
+        search = make(problem(d=1), 4, sigma, seed)
+        drive(search, 1)
+        best = search.recommended()
+        assert best is not None
+        assert value(best, "fine") < value(problem(d=1).baseline, "fine")
+
+
+@SEARCHES
+def test_an_impossible_start_is_refused_before_it_is_run(make: Make) -> None:
+    with pytest.raises(ConfigError, match="the start is impossible: x0 above 1"):
+        make(problem(lambda x: "x0 above 1" if x[0] > 1.0 else None))
+
+
+@SEARCHES
+@pytest.mark.parametrize(("name", "wrong"), [("size", 1), ("sigma", 0.0), ("seed", -1)])
+def test_wrong_arguments_are_named(make: Make, name: str, wrong: float) -> None:
+    with pytest.raises(ConfigError, match=f"{name} = {wrong:g} must be at least"):
+        make(problem(), **{name: wrong})
+
+
+@SEARCHES
+def test_designs_at_the_bounds_stay_inside_bit_for_bit(make: Make) -> None:
+    variables = tuple(Variable(f"x{i}", -3.0, -0.9) for i in range(4))
+    its = Problem(variables, np.full(4, -1.0))
+    search = make(its)
+    while search.should_stop() is None:
+        candidates = search.ask()
+        assert all((c.x >= its.lower).all() and (c.x <= its.upper).all() for c in candidates)
+        search.tell(candidates, [-float(c.x.sum()) for c in candidates])
+    best = search.recommended()
+    assert best is not None
+    assert (best <= its.upper).all()
