@@ -34,20 +34,34 @@ class Starts:
 
 @dataclass(frozen=True, slots=True)
 class Finals:
-    """How the best design is told from its rivals at the target level."""
+    """How the best design is told from its rivals at the target level, by sequential halving.
+
+    All rivals are run on the first seeds, the better half of them on twice as many more, and so
+    on until one is left.
+
+    Source: Karnin, Koren & Somekh, Almost optimal exploration in multi-armed bandits, ICML 2013.
+    """
 
     designs: int = 1  # of the search; with 1 and no start nothing is run
-    seeds: int = 3
+    seeds: int = 3  # of the first round
 
-    def candidates(self, designs: Sequence[Array], level: str, first_index: int) -> list[Candidate]:
-        """Each finalist on each of the seeds; none where there is but one finalist."""
-        if len(designs) < 2:
-            return []
-        found = _on_seeds(designs, level, FINALIST_SEED, self.seeds, first_index)
-        return [replace(candidate, purpose="finalist") for candidate in found]
+    def runs(self, rivals: int) -> int:
+        """Runs that it takes to tell so many rivals apart."""
+        made, seeds = 0, self.seeds
+        while rivals > 1:
+            made, rivals, seeds = made + rivals * seeds, rivals // 2, 2 * seeds
+        return made
 
 
 NO_FINALS = Finals()
+
+
+def finalists(
+    designs: Sequence[Array], level: str, first_seed: int, seeds: int, first_index: int
+) -> list[Candidate]:
+    """Each finalist on so many seeds, counted from `FINALIST_SEED` on."""
+    found = _on_seeds(designs, level, FINALIST_SEED + first_seed, seeds, first_index)
+    return [replace(candidate, purpose="finalist") for candidate in found]
 
 
 def _on_seeds(
@@ -64,8 +78,8 @@ def distinct(designs: Sequence[Array]) -> list[Array]:
     return list({x.tobytes(): x for x in designs}.values())
 
 
-def lowest_mean(evaluations: Sequence[Evaluation]) -> Array | None:
-    """The design (d,) of the lowest mean objective; None if each has a failed run."""
+def by_mean(evaluations: Sequence[Evaluation]) -> list[Array]:
+    """The designs (d,) by their mean objective, the lowest first; none that has a failed run."""
     values: dict[bytes, list[float]] = {}
     designs: dict[bytes, Array] = {}
     for evaluation in evaluations:
@@ -73,8 +87,8 @@ def lowest_mean(evaluations: Sequence[Evaluation]) -> Array | None:
         values.setdefault(key, []).append(evaluation.objective)
         designs[key] = evaluation.candidate.x
     means = {key: float(np.mean(its)) for key, its in values.items()}
-    best = min(means, key=lambda key: means[key], default=None)
-    return designs[best] if best is not None and np.isfinite(means[best]) else None
+    ranked = sorted(means, key=lambda key: means[key])
+    return [designs[key] for key in ranked if np.isfinite(means[key])]
 
 
 def confirmation(

@@ -21,9 +21,10 @@ from mfopt.phases import (
     NO_FINALS,
     Finals,
     Starts,
+    by_mean,
     confirmation,
     distinct,
-    lowest_mean,
+    finalists,
     on_reference,
 )
 from mfopt.problem import Problem
@@ -106,7 +107,7 @@ def run_study(
     loop = _Loop(Memory(run), runner, objective_settings, window, watch)
     try:
         before = [] if starts is None else loop.evaluate(starts.candidates(0), ladder, objective)
-        start = lowest_mean(before)
+        start = next(iter(by_mean(before)), None)
         search = make_search(problem.baseline if start is None else start)
         if before:
             search.tell(
@@ -117,9 +118,8 @@ def run_study(
         made = [*before, *_search(search, loop, ladder, len(before))]
         top = ladder.top.name
         rivals = [*search.finalists(finals.designs), *([] if start is None else [start])]
-        final = finals.candidates(distinct(rivals), top, len(made))
-        made += loop.evaluate(final, ladder, objective)
-        winner = lowest_mean(made[len(made) - len(final) :])
+        final, winner = _tell_apart(distinct(rivals), finals, loop, ladder, objective, len(made))
+        made += final
         best = best_of(made, ladder, search.recommended() if winner is None else winner)
         if best is not None and confirm_seeds:
             pairs = confirmation(problem, best.candidate.x, top, confirm_seeds, len(made))
@@ -180,6 +180,28 @@ def _search(search: Search, loop: _Loop, ladder: Ladder, first_index: int) -> li
         if search.insight is not None:
             memory.run.add_insight(search.insight)
         made.append(evaluation)
+
+
+def _tell_apart(
+    rivals: Sequence[Array],
+    finals: Finals,
+    loop: _Loop,
+    ladder: Ladder,
+    objective: str,
+    first_index: int,
+) -> tuple[list[Evaluation], Array | None]:
+    """Run the rivals at the target in rounds; these runs, and the rival (d,) that is left."""
+    made: list[Evaluation] = []
+    seeds, used = finals.seeds, 0
+    while len(rivals) > 1:
+        index = first_index + len(made)
+        round_ = finalists(rivals, ladder.top.name, used, seeds, index)
+        made += loop.evaluate(round_, ladder, objective)
+        left = {x.tobytes() for x in rivals}
+        its = [e for e in made if e.candidate.x.tobytes() in left]
+        rivals = by_mean(its)[: len(rivals) // 2]
+        seeds, used = 2 * seeds, used + seeds
+    return made, rivals[0] if rivals else None
 
 
 def best_of(

@@ -104,7 +104,8 @@ class ConfirmSettings(Settings):
     """Fresh seeds on which the best and the baseline design are run at the top level.
 
     Before that the best design is told from its rivals: so many `finalists` of the search, and the
-    best of the designs that it may have started from, on `finalist_seeds` others.
+    best of the designs that it may have started from, on others (`mfopt.phases.Finals`): on
+    `finalist_seeds` each, the better half on twice as many more, until one is left.
 
     `reference` names the engine, or several in order of preference, on which both are run once
     more with the first of these seeds.
@@ -123,7 +124,7 @@ class ConfirmSettings(Settings):
     def runs(self, *, starts: bool) -> int:
         """Runs at the target level after the search, by whether the study has starts."""
         rivals = self.finalists + starts
-        return 2 * self.seeds + (rivals * self.finalist_seeds if rivals > 1 else 0)
+        return 2 * self.seeds + self.finals.runs(rivals)
 
     @property
     def references(self) -> tuple[str, ...]:
