@@ -61,15 +61,16 @@ class Manufacturability:
         ]
 
     def _developable_sentence(self) -> str:
-        curvature = f"{self.largest_gaussian_curvature:.2g} 1/m2"
+        k = self.largest_gaussian_curvature
+        curvature = f"{k:.0f} 1/m\u00b2" if k >= 10.0 else f"{k:.2g} 1/m\u00b2"
         if self.developable:
             return (
                 f"The sheet is developable: its Gaussian curvature of at most {curvature} is "
-                f"within {DEVELOPABLE:g} 1/m2, so it can be bent from flat sheet."
+                f"within {DEVELOPABLE:g} 1/m\u00b2, so it can be bent from flat sheet."
             )
         return (
             f"The sheet is not developable: its Gaussian curvature of up to {curvature} exceeds "
-            f"{DEVELOPABLE:g} 1/m2, so it must be stretched, pressed, or made of strips."
+            f"{DEVELOPABLE:g} 1/m\u00b2, so it must be stretched, pressed, or made of strips."
         )
 
 

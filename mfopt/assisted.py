@@ -437,6 +437,7 @@ class AssistedCmaEs:
         return Insight(
             number, certain, runs, self._rungs[level].level,
             tuple(map(float, self._problem.to_x(z))), mean, deviation,
+            positive=bool((self._archive.value > 0.0).all()),
         )  # fmt: skip
 
     def _move(self, certain: float, certain_above: float) -> str:

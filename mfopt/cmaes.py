@@ -82,6 +82,7 @@ class CmaEs:
         self._told: dict[int, float] = {}  # and those that have a value
         self._best_x: Array | None = None
         self._insight: Insight | None = None
+        self._positive = True  # every value told so far was above 0
         self._restarts = 0
         self._number = 1
         self._stage_number = 0
@@ -216,6 +217,7 @@ class CmaEs:
         self._move_on(np.array([c.x for c in candidates]))
 
     def _note_best(self, runs: Sequence[Sequence[float]]) -> None:
+        self._positive &= all(f > 0.0 for its in runs for f in its)
         values, deviations = believed_values(runs, self._noise.share)
         self._in_stage += [
             (float(f), c.x) for f, c in zip(values, self._drawn, strict=True) if np.isfinite(f)
@@ -228,7 +230,7 @@ class CmaEs:
             self._insight = Insight(
                 self._number, belief(runs, self._noise.share).certainty,
                 sum(len(r) for r in runs), self._stage.level, tuple(map(float, self._best_x)),
-                self._best_f, self._best_deviation,
+                self._best_f, self._best_deviation, positive=self._positive,
             )  # fmt: skip
 
     def should_stop(self) -> str | None:

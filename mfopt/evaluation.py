@@ -1,5 +1,6 @@
 """What a search asks for, and what became of it."""
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -7,6 +8,7 @@ from mfopt.arrays import Array
 from mfopt.outcome import Outcome
 
 HALF_WIDTH = 1.96  # standard deviations on either side: 95 % of a normal distribution
+LARGEST = 700.0  # exponent that a float bears
 
 Purpose = Literal[
     "check",  # the start design, to see that a level runs
@@ -75,6 +77,7 @@ class Insight:
     best: tuple[float, ...]  # (d,) recommended design, physical units
     mean: float  # its noise-free objective, as believed
     deviation: float  # standard deviation of that belief
+    positive: bool = False  # every value told was above 0, as standard deviations and times are
 
     @property
     def exact(self) -> bool:
@@ -83,6 +86,14 @@ class Insight:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Bounds that hold the noise-free objective with 95 % probability, as believed."""
+        """Bounds that hold the noise-free objective with 95 % probability, as believed.
+
+        Where the objective is positive they are the mean times and over the same factor,
+        exp(1.96 sqrt(log(1 + deviation^2 / mean^2))), so positive too.
+        """
+        if self.positive and self.mean > 0.0:
+            ratio = self.deviation / self.mean
+            factor = math.exp(min(LARGEST, HALF_WIDTH * math.sqrt(math.log1p(ratio * ratio))))
+            return self.mean / factor, self.mean * factor
         half = HALF_WIDTH * self.deviation
         return self.mean - half, self.mean + half

@@ -1,7 +1,7 @@
 """How a search went: its generations, the work of its stages (table 3), its failures."""
 
 import math
-from collections import Counter
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -9,8 +9,12 @@ import numpy as np
 
 from mfopt.evaluation import Generation
 from reports.rows import Row
+from reports.statistics import median
 
 VALIDATION = "validation"  # runs of a generation that are not at its own level
+NUMBER = re.compile(r"\d+(\.\d*)?(e[+-]?\d+)?", re.IGNORECASE)
+OWN_FOLDER = re.compile(r"""[^\s'"=:(]*/mfopt-[^\s'"/:)]+/?""")  # of one run, below TMPDIR
+LONGEST_REASON = 600  # [characters]
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +71,7 @@ def _step(generation: Generation, rows: Sequence[Row]) -> Step:
     return Step(
         generation,
         finished[0].value,
-        float(np.median([r.value for r in finished])),
+        median([r.value for r in finished]),
         finished[0].filling_time,
         len(rows),
         len(rows) - len(finished),
@@ -143,16 +147,28 @@ def _stage(
 
 
 def failures(rows: Sequence[Row]) -> list[Failure]:
-    """Failed runs by status and reason, most frequent first."""
-    counts: Counter[tuple[str, str]] = Counter()
-    levels: dict[tuple[str, str], set[str]] = {}
+    """Failed runs by status and reason, most frequent first.
+
+    Reasons that differ in their numbers alone are one; that of the first run is shown.
+    """
+    alike: dict[tuple[str, str], list[tuple[str, str]]] = {}
     for row in rows:
         if not row.finished:
             status = "no number" if row.status == "finished" else row.status.replace("_", " ")
-            key = (status, row.why or "the run gave no finite objective")
-            counts[key] += 1
-            levels.setdefault(key, set()).add(row.level)
-    return [
-        Failure(status, why, ", ".join(sorted(levels[status, why])), count)
-        for (status, why), count in counts.most_common()
+            why = reason(row.why or "the run gave no finite objective")
+            alike.setdefault((status, NUMBER.sub("#", why)), []).append((why, row.level))
+    made = [
+        Failure(status, its[0][0], ", ".join(sorted({level for _, level in its})), len(its))
+        for (status, _), its in alike.items()
     ]
+    return sorted(made, key=lambda failure: -failure.count)
+
+
+def reason(why: str) -> str:
+    """Why a run failed without the folder that it had to itself, and not longer than a table bears.
+
+    The last words of a log say more than its first.
+    """
+    text = OWN_FOLDER.sub("", why).strip()
+    half = LONGEST_REASON // 2
+    return text if len(text) <= LONGEST_REASON else f"{text[:half]} \u2026 {text[-half:]}"

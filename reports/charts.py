@@ -5,10 +5,13 @@ Colours are Okabe and Ito's (2008); best and baseline also differ in their dashe
 
 import io
 import math
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mfopt.arrays import AnyArray, Array
 from reports.campaign import Step
@@ -28,8 +31,10 @@ STYLE: Any = {
     "axes.labelcolor": "#222222", "xtick.color": GREY, "ytick.color": GREY,
     "axes.grid": True, "grid.color": "#e6e6e6", "grid.linewidth": 0.6, "axes.axisbelow": True,
     "legend.frameon": False, "lines.linewidth": 1.7, "svg.hashsalt": "mfopt",
-    "axes.unicode_minus": True,
+    "axes.unicode_minus": True, "text.parse_math": False,  # names of users are no formulas
 }  # fmt: skip
+TINY = 1e-100  # matplotlib squares what it draws
+LONGEST_NAME = 24  # letters of a level's name in a figure
 LABEL_ROW = 0.075  # height of a row of labels, of the axes' height
 LETTER = 0.011  # share of the figure's width that a letter of 8 points takes
 SLENDER = 0.45  # width to height of a picture, up to which four fit side by side
@@ -37,14 +42,14 @@ TALLEST = 7.2  # [inch] height of all pictures of a figure: a page of A4 with it
 
 
 def _figure(
-    height: float, panels: int, ratios: Sequence[float], top: float = 0.1
+    height: float, panels: int, ratios: Sequence[float], top: float = 0.1, bottom: float = 0.5
 ) -> "tuple[Figure, list[Axes]]":
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(WIDTH, height))
     grid = {
         "height_ratios": list(ratios), "hspace": 0.08, "left": 0.1, "right": 0.99,
-        "bottom": 0.5 / height, "top": 1.0 - top / height,
+        "bottom": bottom / height, "top": 1.0 - top / height,
     }  # fmt: skip
     axes = figure.subplots(panels, 1, sharex=True, gridspec_kw=grid)
     return figure, list(np.atleast_1d(axes))
@@ -57,11 +62,34 @@ def as_svg(figure: "Figure") -> str:
     return text[text.index("<svg") :]
 
 
-def styled() -> Any:
+@contextmanager
+def styled() -> Iterator[None]:
     """The context that every figure is drawn in."""
     import matplotlib
 
-    return matplotlib.rc_context(STYLE)
+    with matplotlib.rc_context(STYLE), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing from font")  # the browser has others
+        yield
+
+
+def legend_below(figure: "Figure", axes: "Sequence[Axes]") -> None:
+    """One legend for all panels along the lower edge, where it covers no data."""
+    named = [pair for axis in axes for pair in zip(*axis.get_legend_handles_labels(), strict=True)]
+    if named:
+        handles, labels = zip(*named, strict=True)
+        figure.legend(handles, labels, loc="lower center", ncols=2, fontsize=8, borderaxespad=0.2)
+
+
+def short(name: str) -> str:
+    """A name in one line, cut where a figure has no room for it."""
+    line = " ".join(name.split())
+    return line if len(line) <= LONGEST_NAME else f"{line[: LONGEST_NAME - 1]}\u2026"
+
+
+def drawable(values: ArrayLike) -> Array:
+    """Values as an axis can hold them; nan where a sum or a square of them would overflow."""
+    its = np.asarray(values, dtype=float)
+    return np.where(np.abs(its) < 1.0 / TINY, np.where(np.abs(its) < TINY, 0.0, its), np.nan)
 
 
 def round_up(value: float) -> float:
@@ -84,27 +112,28 @@ def progress(steps: Sequence[Step], shown: Display, name: str, bound_s: float | 
     from matplotlib.ticker import MaxNLocator
 
     with styled():
-        filling = np.array([s.filling_time for s in steps]) * 1e3
+        filling = drawable([s.filling_time * 1e3 for s in steps])
         two = bool(np.isfinite(filling).any())
-        figure, axes = _figure(4.5 if two else 3.3, 1 + two, [1.7, 1.0][: 1 + two], 0.45)
+        ratios = [1.7, 1.0][: 1 + two]
+        figure, axes = _figure(5.0 if two else 3.8, 1 + two, ratios, 0.45, bottom=0.95)
         place = np.array([s.generation.number for s in steps])
-        best = np.array([s.best for s in steps]) * shown.factor
-        median = np.array([s.median for s in steps]) * shown.factor
+        best = drawable([s.best * shown.factor for s in steps])
+        median = drawable([s.median * shown.factor for s in steps])
         axes[0].plot(place, median, color=GREY, lw=1.0, ls="--", marker="o", ms=2.5,
                      mfc="white", label="median of the generation")  # fmt: skip
         axes[0].plot(place, best, color=BLUE, marker="o", ms=3.5, label="best of the generation")
         scale(axes[0], np.concatenate((best, median)))
-        axes[0].set_ylabel(f"{name} {shown.bracket}")
+        axes[0].set_ylabel(f"{name} {short(shown.bracket)}")
         if two:
             axes[1].plot(place, filling, color=BLUE, marker="o", ms=3.0)
             scale(axes[1], filling)
             axes[1].set_ylabel("filling time\nof the best [ms]")
             if bound_s is not None:
-                axes[1].axhline(bound_s * 1e3, color=GREEN, ls=":", label="physical lower bound")
-                axes[1].legend(loc="best", fontsize=8)
+                bound_ms = float(drawable(bound_s * 1e3))
+                axes[1].axhline(bound_ms, color=GREEN, ls=":", label="physical lower bound")
         axes[0].margins(y=0.16)  # room for the marks of failed runs and restarts
         _failed(axes[0], steps)
-        axes[0].legend(loc="best", fontsize=8, frameon=True, framealpha=0.85, edgecolor="none")
+        legend_below(figure, axes)
         axes[-1].set_xlabel("generation")
         axes[-1].xaxis.set_major_locator(MaxNLocator(integer=True))
         axes[-1].set_xlim(place[0] - 0.7, place[-1] + 0.7)
@@ -161,16 +190,16 @@ def _share(axis: "Axes", x: float) -> float:
 
 def draw_bands(axes: "Sequence[Axes]", stretches: Sequence[tuple[str, float, float]]) -> None:
     """Shade stretches of the horizontal axis, and name them above the first of the panels."""
-    names = [name for name, _, _ in stretches]
+    names = [short(name) for name, _, _ in stretches]
     ends = [1.0 - LETTER * (len(name) + 1) for name in names]  # or the label is cut off
     shares = [_share(axes[0], left) for _, left, _ in stretches]
     lefts = [max(0.0, min(share, end)) for share, end in zip(shares, ends, strict=True)]
     rows = label_rows(lefts, names)
-    for i, (name, left, right) in enumerate(stretches):
+    for i, (_, left, right) in enumerate(stretches):
         for axis in axes:
             axis.axvspan(left, right, color="#eef3f7" if i % 2 else "#f8f8f5", zorder=0)
         axes[0].annotate(
-            name, (lefts[i], 1.0 + LABEL_ROW * rows[i]), xycoords="axes fraction",
+            names[i], (lefts[i], 1.0 + LABEL_ROW * rows[i]), xycoords="axes fraction",
             xytext=(2, 3), textcoords="offset points", fontsize=8, color="#333333",
             annotation_clip=False,
         )  # fmt: skip
@@ -239,9 +268,8 @@ def passages(best: Sequence[Array], baseline: Sequence[Array]) -> str:
     """Share of grains that have passed, and their rate, pooled over the runs of each design."""
     with styled():
         figure, axes = _figure(3.7, 2, [1.0, 1.1])
-        longest = max(float(t.max()) for t in (*best, *baseline)) * 1e3
-        first = min(float(t.min()) for t in (*best, *baseline)) * 1e3
-        edges = np.linspace(first, longest, 41)
+        every = np.concatenate([*best, *baseline]) * 1e3
+        edges = np.linspace(every.min(), max(every.max(), every.min() + 1.0), 41)
         its = [(best, "best", BLUE, "-"), (baseline, "baseline", ORANGE, "--")]
         for runs, label, colour, dashes in its:
             if not runs:

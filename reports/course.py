@@ -10,6 +10,7 @@ from mfopt.evaluation import Generation, Insight
 from mfopt.store import RunDirectory
 from reports.rows import Row
 
+MOST = 1e12  # [full runs] that a horizontal axis shows; as many as a cheapest run is of a full one
 LEVEL_CHANGE = "level change to "
 
 
@@ -46,13 +47,15 @@ class Course:
 
 
 def course(run: RunDirectory, rows: Sequence[Row]) -> Course | None:
-    """The course of a search; None where it gives no insights, or knows no work."""
+    """The course of a search; None where it gives no insights, or its work cannot be drawn."""
     levels = run.header["levels"]
     search = [r for r in rows if r.purpose == "search"]
     if not (run.insights and search and levels[-1]["work"] > 0.0):
         return None
     names = tuple(level["name"] for level in levels)
     spent = np.cumsum([r.work for r in search]) / levels[-1]["work"]
+    if not 1.0 / MOST < spent[-1] < MOST:
+        return None
     return Course(
         names,
         spent,

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mfopt.arrays import Array
 from reports.charts import (
     BLUE,
     GREEN,
@@ -15,7 +16,10 @@ from reports.charts import (
     as_svg,
     draw_bands,
     draw_restarts,
+    drawable,
+    legend_below,
     scale,
+    short,
     styled,
 )  # fmt: skip
 from reports.course import Course, ranking, restart_places
@@ -25,7 +29,7 @@ from reports.units import Display, number
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-HEIGHT = 5.6  # [inch]
+HEIGHT = 5.9  # [inch]
 RATIOS = (2.1, 1.0, 0.75, 0.75)
 LOG_BELOW = 0.05  # share of the work at the first change of level, below which x is logarithmic
 
@@ -36,12 +40,12 @@ def course(its: Course, shown: Display, name: str, confirmed: Comparison | None)
     from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
 
     with styled():
-        longest = max(map(len, its.levels))
+        longest = max(len(short(name)) for name in its.levels)
         left = max(0.13, LETTER * longest + 0.055)
         figure = Figure(figsize=(WIDTH, HEIGHT))
         grid = {
             "height_ratios": RATIOS, "hspace": 0.12, "left": left, "right": 0.985,
-            "bottom": 0.5 / HEIGHT, "top": 1.0 - 0.45 / HEIGHT,
+            "bottom": 0.8 / HEIGHT, "top": 1.0 - 0.45 / HEIGHT,
         }  # fmt: skip
         axes = list(figure.subplots(4, 1, sharex=True, gridspec_kw=grid))
         if logarithmic(its):
@@ -50,7 +54,7 @@ def course(its: Course, shown: Display, name: str, confirmed: Comparison | None)
             axes[-1].xaxis.set_minor_formatter(NullFormatter())
         axes[0].set_xlim(*_ends(its))
         _belief(axes[0], its, shown, confirmed)
-        axes[0].set_ylabel(f"{name}\n{shown.bracket}")
+        axes[0].set_ylabel(f"{name}\n{short(shown.bracket)}")
         _runs(axes[1], its)
         of = ranking(its)
         axes[2].plot(of["ended"], 100.0 * of["certainty"], color=BLUE, lw=1.2, marker="o", ms=2.5)
@@ -63,6 +67,7 @@ def course(its: Course, shown: Display, name: str, confirmed: Comparison | None)
         axes[3].set_ylabel("runs per\ngeneration")
         axes[3].set_xlabel("work spent by the search [full runs]")
         figure.align_ylabels(axes)
+        legend_below(figure, axes)
         draw_bands(axes, its.bands())
         draw_restarts(axes, restart_places(its))
         return as_svg(figure)
@@ -90,36 +95,43 @@ def _belief(axis: "Axes", its: Course, shown: Display, confirmed: Comparison | N
     for _, group in groupby(known, key=lambda look: look.generation.level):
         own = [(look.ended, look.insight) for look in group if look.insight is not None]
         ended = np.array([e for e, _ in own])
-        mean = np.array([i.mean for _, i in own]) * shown.factor
-        low, high = np.array([i.interval for _, i in own]).T * shown.factor
+        mean = drawable([i.mean * shown.factor for _, i in own])
+        low, high = drawable([[end * shown.factor for end in i.interval] for _, i in own]).T
         if len(own) == 1:
             axis.errorbar(ended, mean, [mean - low, high - mean], color=BLUE, lw=1.2, capsize=2)
         axis.fill_between(ended, low, high, color=BLUE, alpha=0.18, lw=0)
         axis.plot(ended, mean, color=BLUE, lw=1.4, marker="o", ms=3.0, label=label)
-        values.append(mean)
+        values += [mean, low, high]
         label = None
-    if confirmed is not None and np.isfinite(confirmed.median_best):
-        values.append(np.array([confirmed.median_best * shown.factor]))
-        _confirmed(axis, confirmed, shown)
-    every = np.concatenate(values)
+    if confirmed is not None:
+        values.append(_confirmed(axis, confirmed, shown))
+    every = np.concatenate([np.empty(0), *values])
     scale(axis, every)
-    room = 0.25 * (float(every.max() - every.min()) or abs(float(every.max())) or 1.0)
+    _limits(axis, every[np.isfinite(every)])
+
+
+def _limits(axis: "Axes", values: Array) -> None:
+    """Room for all values, bounds of intervals among them."""
+    if not values.size:
+        return
+    low, high = float(values.min()), float(values.max())
     if axis.get_yscale() == "log":
-        axis.set_ylim(0.6 * every.min(), 1.6 * every.max())
+        axis.set_ylim(0.7 * low, 1.4 * high)
     else:
-        axis.set_ylim(every.min() - room, every.max() + room)
-    axis.legend(loc="best", fontsize=8, frameon=True, framealpha=0.85, edgecolor="none")
+        room = 0.08 * ((high - low) or abs(high) or 1.0)
+        axis.set_ylim(low - room, high + room)
 
 
-def _confirmed(axis: "Axes", confirmed: Comparison, shown: Display) -> None:
-    """Median over the fresh seeds, with its interval, where the search has ended."""
+def _confirmed(axis: "Axes", confirmed: Comparison, shown: Display) -> Array:
+    """Draw the median over the fresh seeds, with its interval, where the search has ended."""
     place, across = 0.99, axis.get_yaxis_transform()
-    middle, within = confirmed.median_best * shown.factor, median_interval(confirmed.best)
-    if within is not None and np.isfinite(within.high):
-        low, high = within.low * shown.factor, within.high * shown.factor
-        axis.plot([place] * 2, [low, high], color=GREEN, lw=1.6, zorder=4, transform=across)
-    axis.plot([place], [middle], "D", color=GREEN, ms=5.0, zorder=5, transform=across,
+    within = median_interval(confirmed.best)
+    ends = [] if within is None else [within.low, within.high]
+    values = drawable([value * shown.factor for value in (confirmed.median_best, *ends)])
+    axis.plot([place] * len(ends), values[1:], color=GREEN, lw=1.6, zorder=4, transform=across)
+    axis.plot([place], values[:1], "D", color=GREEN, ms=5.0, zorder=5, transform=across,
               label="median over fresh seeds, with interval")  # fmt: skip
+    return values
 
 
 def _runs(axis: "Axes", its: Course) -> None:
@@ -129,7 +141,6 @@ def _runs(axis: "Axes", its: Course) -> None:
     if its.failed.any():
         axis.plot(its.spent[its.failed], its.level[its.failed], "x", color=ORANGE, ms=5, mew=1.4,
                   label="failed run")  # fmt: skip
-        axis.legend(loc="best", fontsize=8, frameon=True, framealpha=0.85, edgecolor="none")
-    axis.set_yticks(range(len(its.levels)), its.levels, fontsize=8)
+    axis.set_yticks(range(len(its.levels)), map(short, its.levels), fontsize=8)
     axis.set_ylim(-0.5, len(its.levels) - 0.5)
     axis.set_ylabel("level of\neach run")

@@ -11,6 +11,7 @@ from mfopt.store import RunDirectory
 from reports import campaign, charts, course_chart, pictures, reference, tables, viewer
 from reports.course import Course, changes, course
 from reports.design import Describe, DesignView
+from reports.plain import plain, readable_run
 from reports.result import Result, best_at, result, solutions, typical_first
 from reports.rows import Row, read_rows
 from reports.sentence import chosen, objective_name, sentence, state
@@ -41,6 +42,7 @@ class Facts:
 
 def gather(run: RunDirectory) -> Facts:
     """Read a run directory once and evaluate it."""
+    run = readable_run(run)
     rows, levels = read_rows(run), run.header["levels"]
     unit = str(run.header.get("objective_unit", "-"))
     top_work = levels[-1]["work"] if levels else None
@@ -58,7 +60,7 @@ def gather(run: RunDirectory) -> Facts:
 def context(run: RunDirectory, describe: Describe) -> dict[str, Any]:
     """Everything that the templates name: text, numbers, SVG drawings, PNG pictures."""
     facts = gather(run)
-    its = facts.result
+    run, its = facts.run, facts.result
     best = None if its is None else describe(its.x)
     baseline = describe(np.asarray(facts.header["baseline"], dtype=float))
     views = designs(facts, describe)
@@ -108,7 +110,10 @@ def _versions(run: RunDirectory) -> dict[str, str]:
 
 
 def _study(run: RunDirectory) -> str:
-    return run.study_file.read_text(encoding="utf-8") if run.study_file.exists() else ""
+    try:
+        return plain(run.study_file.read_text(encoding="utf-8", errors="replace"))
+    except OSError:  # it is shown, and read for nothing else
+        return ""
 
 
 def _tables(facts: Facts) -> dict[str, Any]:
@@ -180,7 +185,7 @@ def _raw(facts: Facts, row: Row) -> Mapping[str, AnyArray]:
 
 def _passage_times(facts: Facts, rows: Sequence[Row]) -> list[Array]:
     found = [_raw(facts, r).get("passage_times", np.empty(0)) for r in rows if r.finished]
-    return [times for times in found if times.size]
+    return [times for times in found if times.size and np.isfinite(charts.drawable(times)).all()]
 
 
 def designs(facts: Facts, describe: Describe) -> list[DesignView]:

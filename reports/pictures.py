@@ -22,6 +22,7 @@ TRANSLUCENT: Mapping[str, float] = {"plate": 0.5, "cup": 0.75}  # they would hid
 AZIMUTH, ELEVATION = math.radians(32.0), math.radians(16.0)
 SHAPE_HEIGHT_PX = 440
 SNAPSHOT_HEIGHT_PX = 500
+FARTHEST = 100.0  # [m] from the machine; a grain beyond has left the picture
 
 
 def part_colour(name: str) -> tuple[float, float, float]:
@@ -72,7 +73,9 @@ def snapshots(raw: Mapping[str, AnyArray], design: DesignView) -> str | None:
     if "snapshot_positions" not in raw or not len(design.grain_radii) or not design.parts:
         return None
     times, positions = raw["snapshot_times"], raw["snapshot_positions"]
-    top_speed = charts.round_up(float(np.nanquantile(raw["snapshot_speeds"], 0.99)))
+    positions = np.where(np.abs(positions) < FARTHEST, positions, np.nan)
+    speeds = raw["snapshot_speeds"][np.isfinite(raw["snapshot_speeds"])]
+    top_speed = charts.round_up(float(np.quantile(speeds, 0.99)) if speeds.size else 0.0)
     cuts = [wall_lines(design, float(t)) for t in times]
     view = _front(cuts, positions)
     pixels = [

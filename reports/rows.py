@@ -11,6 +11,7 @@ from mfopt.evaluation import Evaluation, Purpose
 from mfopt.objective import Objective, ObjectiveSettings, objective_named, value
 from mfopt.outcome import Status
 from mfopt.store import RunDirectory
+from reports.plain import plain
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,11 +53,11 @@ def read_rows(run: RunDirectory) -> tuple[Row, ...]:
 def _row(evaluation: Evaluation, objective: Objective) -> Row:
     c, o = evaluation.candidate, evaluation.outcome
     return Row(
-        c.index, c.generation, c.level, c.seed, c.purpose, c.x,
+        c.index, c.generation, plain(c.level), c.seed, c.purpose, c.x,
         value(objective, evaluation.outcome),
         filling_time(o.raw) if o.finished else math.nan,
         _count(o.raw, "left_in_cup"), _count(o.raw, "left_in_hopper"),
-        o.status, o.why, o.work, o.cpu_s,
+        o.status, o.why and plain(o.why), o.work, o.cpu_s,
     )  # fmt: skip
 
 

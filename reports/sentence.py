@@ -4,13 +4,11 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
 from mfopt.evaluation import Insight
 from reports.result import Result
 from reports.rows import Row
-from reports.statistics import Comparison, Interval
-from reports.units import Display, display, number
+from reports.statistics import Comparison, Interval, median
+from reports.units import FAILED, Display, display, number
 
 
 def objective_name(header: Mapping[str, Any]) -> str:
@@ -60,7 +58,7 @@ def sentence(
 def _grains_left(result: Result) -> str:
     """Grains that never reach the bag, which the objective counts too; medians over the seeds."""
     best, baseline = (
-        float(np.median([r.left_in_cup + r.left_in_hopper for r in rows])) if rows else math.nan
+        median([r.left_in_cup + r.left_in_hopper for r in rows])
         for rows in (result.confirmations, result.baseline)
     )
     if not math.isfinite(best + baseline):
@@ -154,7 +152,7 @@ def interval_text(interval: Interval | None, shown: Display, significant: int = 
     if interval is None:
         return "one seed gives no interval"
     low, high = (shown.text(v, significant) for v in (interval.low, interval.high))
-    return f"{low} to {shown.full(interval.high, significant) if high != 'failed' else high}"
+    return f"{low} to {shown.full(interval.high, significant) if high != FAILED else high}"
 
 
 def at_bounds(share: float) -> str:

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mfopt.arrays import Array
 
@@ -45,6 +46,15 @@ def median_interval(values: Array, confidence: float = CONFIDENCE) -> Interval |
     return Interval(float(ordered[k - 1]), float(ordered[n - k]), coverage(n, k))
 
 
+def median(values: ArrayLike) -> float:
+    """Median that overflows for no values; nan without any."""
+    ordered = np.sort(np.asarray(values, dtype=float))
+    if not ordered.size:
+        return math.nan
+    low, high = float(ordered[(ordered.size - 1) // 2]), float(ordered[ordered.size // 2])
+    return low if low == high else low / 2.0 + high / 2.0
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Comparison:
     """One quantity of the best design against the baseline's, on the same seeds."""
@@ -56,12 +66,12 @@ class Comparison:
     @property
     def median_best(self) -> float:
         """Median over the seeds."""
-        return float(np.median(self.best))
+        return median(self.best)
 
     @property
     def median_baseline(self) -> float:
         """Median over the seeds."""
-        return float(np.median(self.baseline))
+        return median(self.baseline)
 
     @property
     def reduction(self) -> float | None:

@@ -1,13 +1,18 @@
 """Numbers and units as a reader wants them; everywhere else SI units hold."""
 
 import math
+import sys
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 LARGEST_SMALL = 10.0  # [s] or [m]: below it ms and mm read better, as on drawings
+LARGEST = sys.float_info.max_10_exp
+READABLE = 1e7  # below it, and above its inverse, a number reads without an exponent
+FAILED = "failed"
 MISSING = "\u2013"  # en dash
+MINUS = "\u2212"
 SUPERSCRIPT = str.maketrans(
     "0123456789-", "\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079\u207b"
 )
@@ -27,10 +32,15 @@ class Display:
         return f"[{self.unit}]"
 
     def text(self, value: float | None, significant: int = 4) -> str:
-        """The number alone, without its unit."""
-        if value is not None and self.decimals is not None and math.isfinite(value):
-            return fixed(value * self.factor, self.decimals)
-        return number(None if value is None else value * self.factor, significant)
+        """The number alone, without its unit; an infinite one is that of a failed run."""
+        if value is None:
+            return MISSING
+        if math.isinf(value):
+            return FAILED
+        shown = value * self.factor
+        if not math.isfinite(shown):
+            return number(shown)
+        return number(shown, significant) if self.decimals is None else fixed(shown, self.decimals)
 
     def full(self, value: float | None, significant: int = 4) -> str:
         """The number with its unit."""
@@ -51,32 +61,38 @@ def display(unit: str, values: ArrayLike) -> Display:
 
 
 def number(value: float | None, significant: int = 4) -> str:
-    """A number to so many significant digits; never in exponents where it reads without.
-
-    An infinite value belongs to a failed run and is called so.
-    """
+    """A number to so many significant digits; never in exponents where it reads without."""
     if value is None or math.isnan(value):
         return MISSING
     if math.isinf(value):
-        return "failed"
+        return f"{MINUS * (value < 0.0)}over 10{_power(LARGEST)}"
     if value == 0.0:
         return "0"
-    rounded = float(f"{value:.{significant - 1}e}")  # 9.9999 has the magnitude of 10
-    magnitude = math.floor(math.log10(abs(rounded)))
+    mantissa, _, exponent = f"{value:.{significant - 1}e}".partition("e")
+    magnitude = int(exponent)
     if not -4 <= magnitude < 7:
-        power = str(magnitude).translate(SUPERSCRIPT)
-        return f"{fixed(value / 10.0**magnitude, significant - 1)}\u00b710{power}"
+        return f"{mantissa.replace('-', MINUS)}\u00b710{_power(magnitude)}"
     return fixed(value, max(0, significant - 1 - magnitude))
+
+
+def _power(exponent: int) -> str:
+    return str(exponent).translate(SUPERSCRIPT)
 
 
 def fixed(value: float, decimals: int) -> str:
     """A number to so many decimals, with a true minus and no negative zero."""
     rounded = f"{value:.{decimals}f}"
-    return rounded.lstrip("-") if float(rounded) == 0.0 else rounded.replace("-", "\u2212")
+    return rounded.lstrip("-") if float(rounded) == 0.0 else rounded.replace("-", MINUS)
 
 
 def design_display(unit: str, lower: float, upper: float) -> Display:
-    """How a design variable is shown: decimals that resolve a thousandth of its range."""
+    """How a design variable is shown: decimals that resolve a thousandth of its range.
+
+    Where those would be too many to read, so many significant digits as elsewhere.
+    """
     shown = display(unit, [lower, upper])
-    decimals = math.floor(3.0 - math.log10((upper - lower) * shown.factor))
-    return replace(shown, decimals=max(0, decimals))
+    width = (upper - lower) * shown.factor
+    largest = max(abs(lower), abs(upper)) * shown.factor
+    if not (1.0 / READABLE < width and largest < READABLE):
+        return shown
+    return replace(shown, decimals=max(0, math.floor(3.0 - math.log10(width))))

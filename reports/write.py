@@ -8,6 +8,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from mfopt.files import write_aside
 from mfopt.scratch import scratch
 from mfopt.store import RunDirectory
@@ -31,7 +33,8 @@ def write_report(
         pdf: file to write, or None for no PDF.
         describe: gives shape, motion and bounds of a design, or None where there are none.
     """
-    page = context(run, describe)
+    with np.errstate(all="ignore"):  # what overflows is shown as such
+        page = context(run, describe)
     write_aside(html, _html(page).encode())
     if pdf is not None:
         write_aside(pdf, _pdf(page))

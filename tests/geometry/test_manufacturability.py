@@ -101,5 +101,5 @@ def test_note_reads_as_sentences_with_units() -> None:
     sentences = manufacturability(CURVED).sentences()
     assert all(sentence.endswith(".") for sentence in sentences)
     text = " ".join(sentences)
-    for unit in ("degrees", "mm", "1/m,", "1/m2"):
+    for unit in ("degrees", "mm", "1/m,", "1/m\u00b2"):
         assert unit in text

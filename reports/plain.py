@@ -1,0 +1,40 @@
+"""Text of users as a page can hold it: what no font draws and no XML allows is written out."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass, replace
+from typing import Any, TypeVar
+
+from mfopt.store import RunDirectory
+
+T = TypeVar("T")
+
+# Control characters but tab and line feed, lone surrogates, and what Unicode calls no character.
+UNPRINTABLE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\ud800-\udfff\ufdd0-\ufdef\ufffe\uffff]")
+
+
+def plain(text: str) -> str:
+    """The text with each unprintable character as its escape, such as \\x07."""
+    return UNPRINTABLE.sub(lambda found: ascii(found[0])[1:-1], text)
+
+
+def readable(its: T) -> T:
+    """A record, mapping or sequence with all text in it plain."""
+    made: Any = its
+    if isinstance(its, str):
+        made = plain(its)
+    elif isinstance(its, Mapping):
+        made = {readable(key): readable(value) for key, value in its.items()}
+    elif isinstance(its, list | tuple):
+        made = type(its)(map(readable, its))
+    elif is_dataclass(its) and not isinstance(its, type):
+        made = replace(its, **{f.name: readable(getattr(its, f.name)) for f in fields(its)})
+    return made  # type: ignore[no-any-return]
+
+
+def readable_run(run: RunDirectory) -> RunDirectory:
+    """A run directory whose header, generations, insights and ends are plain text."""
+    return replace(
+        run, header=readable(run.header), generations=readable(run.generations),
+        insights=readable(run.insights), reference=readable(run.reference), end=readable(run.end),
+    )  # fmt: skip
