@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 from rich.table import Table
 
 from mfopt.store import RunDirectory
@@ -20,7 +21,8 @@ def found_in(run: RunDirectory) -> tuple[tuple[Row, ...], Result | None]:
 
 def answer(run: RunDirectory) -> dict[str, Any]:
     """How far a run has come and what it has found, in what JSON can hold."""
-    rows, found = found_in(run)
+    with np.errstate(all="ignore"):
+        rows, found = found_in(run)
     its: dict[str, Any] = {
         "study": run.header["study"],
         "ended": run.end,
@@ -46,7 +48,7 @@ def answer(run: RunDirectory) -> dict[str, Any]:
             its["reduction_percent"] = found.objective.reduction
     if run.reference is not None:
         its["reference"] = _reference(run, rows)
-    return its
+    return {key: _finite(it) for key, it in its.items()}
 
 
 def _reference(run: RunDirectory, rows: tuple[Row, ...]) -> dict[str, Any]:
@@ -64,8 +66,11 @@ def _reference(run: RunDirectory, rows: tuple[Row, ...]) -> dict[str, Any]:
     return {"engine": f"{its.noted.engine} {its.noted.version}", **numbers}
 
 
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
+def _finite(value: Any) -> Any:
+    """The value with None in the place of what JSON cannot hold."""
+    if isinstance(value, Mapping):
+        return {key: _finite(its) for key, its in value.items()}
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def as_table(its: Mapping[str, Any]) -> Table:

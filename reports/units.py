@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from reports.statistics import median
+
 LARGEST_SMALL = 10.0  # [s] or [m]: below it ms and mm read better, as on drawings
 LARGEST = sys.float_info.max_10_exp
 READABLE = 1e7  # below it, and above its inverse, a number reads without an exponent
@@ -52,7 +54,7 @@ def display(unit: str, values: ArrayLike) -> Display:
     """Choose how to show `values` [unit]; seconds and metres below 10 become ms and mm."""
     finite = np.abs(np.asarray(values, dtype=float))
     finite = finite[np.isfinite(finite)]
-    small = finite.size == 0 or float(np.median(finite)) < LARGEST_SMALL
+    small = finite.size == 0 or median(finite) < LARGEST_SMALL
     if small and unit in ("s", "m"):
         return Display(1e3, f"m{unit}")
     if unit == "rad":
@@ -93,6 +95,6 @@ def design_display(unit: str, lower: float, upper: float) -> Display:
     shown = display(unit, [lower, upper])
     width = (upper - lower) * shown.factor
     largest = max(abs(lower), abs(upper)) * shown.factor
-    if not (1.0 / READABLE < width and largest < READABLE):
+    if not (width > 1.0 / READABLE and largest < READABLE):
         return shown
     return replace(shown, decimals=max(0, math.floor(3.0 - math.log10(width))))

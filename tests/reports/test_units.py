@@ -12,11 +12,34 @@ from reports.units import Display, design_display, display, number
     [
         (0.0, "0"), (64.4321, "64.43"), (1279.0, "1279"), (-0.5, "\u22120.5000"),
         (6.0e7, "6.000\u00b710\u2077"), (1.5e-6, "1.500\u00b710\u207b\u2076"),
-        (math.nan, "\u2013"), (None, "\u2013"), (math.inf, "failed"), (99.996, "100.0"),
+        (math.nan, "\u2013"), (None, "\u2013"), (99.996, "100.0"),
     ],
 )  # fmt: skip
 def test_numbers_keep_four_significant_digits(value: float | None, shown: str) -> None:
     assert number(value) == shown
+
+
+@pytest.mark.parametrize(
+    ("value", "shown"),
+    [
+        (5e-324, "5\u00b710\u207b\u00b3\u00b2\u2074"),
+        (-1.7976931348623157e308, "\u22122\u00b710\u00b3\u2070\u2078"),
+        (math.inf, "over 10\u00b3\u2070\u2078"), (-math.inf, "\u2212over 10\u00b3\u2070\u2078"),
+    ],
+)  # fmt: skip
+def test_the_smallest_and_largest_numbers_are_shown(value: float, shown: str) -> None:
+    assert number(value, 1) == shown
+
+
+def test_what_overflows_in_its_unit_is_no_failure() -> None:
+    assert Display(1e3, "ms").text(1e308) == number(math.inf)
+    assert Display(1e3, "ms").text(math.inf) == "failed"
+
+
+@pytest.mark.parametrize("bounds", [(-1e308, 1e308), (0.0, 5e-324), (1e300, 2e300), (0.0, 1e9)])
+def test_design_values_of_any_size_are_short(bounds: tuple[float, float]) -> None:
+    shown = design_display("m", *bounds)
+    assert all(len(shown.text(bound)) <= 12 for bound in bounds)
 
 
 def test_no_value_is_shown_as_negative_zero() -> None:
