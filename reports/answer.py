@@ -1,16 +1,26 @@
 """The result in a few numbers: for the last lines of a run, and for scripts."""
 
 import math
+import textwrap
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from rich.table import Table
 
 from mfopt.store import RunDirectory
+from reports import campaign
+from reports.facts import Facts, gather
+from reports.needs import Need, needs
 from reports.reference import repeated
 from reports.result import Result, result
 from reports.rows import Row, read_rows
+from reports.sentence import against, believed, interval_text, state
+from reports.statistics import median_interval
+from reports.tables import variable_displays
+
+WIDTH = 80  # [columns] of the smallest terminal
+LABEL = 22  # [columns] of the words before the colon
+ON_SCREEN = str.maketrans({"\u202f": " ", "\u2212": "-", "\u2013": "-"})
 
 
 def found_in(run: RunDirectory) -> tuple[tuple[Row, ...], Result | None]:
@@ -20,49 +30,80 @@ def found_in(run: RunDirectory) -> tuple[tuple[Row, ...], Result | None]:
 
 
 def answer(run: RunDirectory) -> dict[str, Any]:
-    """How far a run has come and what it has found, in what JSON can hold."""
+    """How far a run has come and what it has found, in what JSON can hold; SI units."""
     with np.errstate(all="ignore"):
-        rows, found = found_in(run)
-    its: dict[str, Any] = {
-        "study": run.header["study"],
-        "ended": run.end,
-        "evaluations": len(rows),
-        "failed": sum(not row.finished for row in rows),
-        "work": sum(row.work for row in rows),
-        "cpu_s": sum(row.cpu_s for row in rows),
-    }
-    if found is not None:
-        names = [variable["name"] for variable in run.header["variables"]]
-        its["level"] = found.found.level
-        its["objective"] = _finite(found.found.value)
-        its["design"] = dict(zip(names, map(float, found.x), strict=True))
-        if found.belief is not None:
-            low, high = found.belief.interval
-            its["believed"] = {
-                "objective": found.belief.mean, "low": low, "high": high,
-                "level": found.belief.level, "generation": found.belief.generation,
-            }  # fmt: skip
-        if found.objective is not None:
-            its["confirmed_median"] = found.objective.median_best
-            its["baseline_median"] = found.objective.median_baseline
-            its["reduction_percent"] = found.objective.reduction
-    if run.reference is not None:
-        its["reference"] = _reference(run, rows)
-    return {key: _finite(it) for key, it in its.items()}
+        facts = gather(run)
+        found, header = facts.result, facts.header
+        its: dict[str, Any] = {
+            "study": header["study"],
+            "ended": facts.run.end,
+            "evaluations": len(facts.rows),
+            "failed": sum(not row.finished for row in facts.rows),
+            "cost": {cost.phase: _cost(cost) for cost in facts.costs},
+        }
+        if found is not None:
+            its |= {
+                "level": found.found.level,
+                "objective": found.found.value,
+                "objective_unit": header["objective_unit"],
+                "design": dict(zip(_names(facts), map(float, found.x), strict=True)),
+                **_believed(found),
+                **_confirmed(found),
+            }
+        if lines := needs(facts.rows, found, header):
+            its["needs"] = {line.name: _need(line) for line in lines}
+        if facts.run.reference is not None:
+            its["reference"] = _reference(facts)
+        return {key: _finite(value) for key, value in its.items()}
 
 
-def _reference(run: RunDirectory, rows: tuple[Row, ...]) -> dict[str, Any]:
-    """What the reference engine gave, beside the target level with the same seed."""
-    its = repeated(rows, run.reference)
-    if its is None or run.reference is None:
+def _names(facts: Facts) -> list[str]:
+    return [variable["name"] for variable in facts.header["variables"]]
+
+
+def _cost(cost: campaign.Cost) -> dict[str, Any]:
+    return {"full_runs": cost.work, "cpu_s": cost.cpu_s, "runs": cost.runs, "failed": cost.failed}
+
+
+def _believed(found: Result) -> dict[str, Any]:
+    if (its := found.belief) is None:
         return {}
+    low, high = its.interval
+    return {"believed": {
+        "objective": its.mean, "low": low, "high": high, "level": its.level,
+        "generation": its.generation,
+    }}  # fmt: skip
+
+
+def _confirmed(found: Result) -> dict[str, Any]:
+    if (its := found.objective) is None:
+        return {}
+    return {
+        "confirmed_median": its.median_best,
+        "baseline_median": its.median_baseline,
+        "reduction_percent": its.reduction,
+    }
+
+
+def _need(line: Need) -> dict[str, Any]:
+    of = {
+        design: {"median": its.median, "low": its.low, "high": its.high, "runs": its.runs}
+        for design, its in line.spreads.items()
+    }
+    return {"unit": line.unit, "limit": line.limit, **of}
+
+
+def _reference(facts: Facts) -> dict[str, Any]:
+    """What the reference engine gave, beside the target level with the same seed."""
+    its = repeated(facts.rows, facts.run.reference)
+    assert its is not None
     if its.noted.why_not is not None:
         return {"left_out": its.noted.why_not}
-    numbers = {}
+    numbers: dict[str, float | None] = {}
     for design, pair in its.pairs.items():
         if pair is not None:
-            numbers[design] = _finite(pair.there.value)
-            numbers[f"{design}_at_target"] = None if pair.here is None else _finite(pair.here.value)
+            numbers[design] = pair.there.value
+            numbers[f"{design}_at_target"] = None if pair.here is None else pair.here.value
     return {"engine": f"{its.noted.engine} {its.noted.version}", **numbers}
 
 
@@ -73,18 +114,80 @@ def _finite(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def as_table(its: Mapping[str, Any]) -> Table:
-    """The answer in lines for a terminal."""
-    table = Table(show_header=False, box=None)
-    for key, value in its.items():
-        if isinstance(value, dict):
-            cells = (f"{name.replace('_', ' ')} {_short(it, 4)}" for name, it in value.items())
-            shown = "  ".join(cells)
-        else:
-            shown = _short(value, 5)
-        table.add_row(key.replace("_", " "), shown)
-    return table
+def as_text(run: RunDirectory, width: int = WIDTH) -> str:
+    """How far a run has come and what it has found, in lines of at most `width` columns."""
+    with np.errstate(all="ignore"):
+        facts = gather(run)
+        lines = [
+            ("study", str(facts.header["study"])),
+            *_state_lines(facts),
+            *_result_lines(facts),
+            *_reference_lines(facts),
+            *_cost_lines(facts),
+        ]
+    room = " " * LABEL
+    text = "\n".join(
+        line
+        for label, words in lines
+        for line in textwrap.wrap(
+            words, width, initial_indent=f"{label:<{LABEL - 1}} ", subsequent_indent=room
+        )
+        or [label]
+    )
+    return text.translate(ON_SCREEN)
 
 
-def _short(value: Any, digits: int) -> str:
-    return f"{value:.{digits}g}" if isinstance(value, float) else str(value)
+def _state_lines(facts: Facts) -> list[tuple[str, str]]:
+    said = state(facts.run.end, facts.rows)
+    return [("ended", str(facts.run.end)) if said is None else ("state", said)]
+
+
+def _result_lines(facts: Facts) -> list[tuple[str, str]]:
+    found = facts.result
+    if found is None:
+        return []
+    lines = []
+    if found.objective is not None:
+        its = found.objective
+        within = median_interval(its.best)
+        scatter = "" if within is None else f" ({interval_text(within, facts.shown)})"
+        words = f"{facts.shown.full(its.median_best)}{scatter}, {against(its, facts.shown)}"
+        lines.append((facts.name, words))
+    elif found.belief is None:
+        words = f"{facts.shown.full(found.found.value)} in one run at level {found.found.level}"
+        lines.append((facts.name, words))
+    lines += [(line.label, line.sentence()) for line in needs(facts.rows, found, facts.header)]
+    if found.belief is not None:
+        words = f"{believed(found.belief, facts.shown)} at level {found.belief.level}"
+        lines.append(("estimate of the search", words))
+    shown = variable_displays(facts.header["variables"])
+    design = zip(_names(facts), shown, found.x, strict=True)
+    lines.append(("best design", ", ".join(f"{n}\u202f{d.full(float(v))}" for n, d, v in design)))
+    return lines
+
+
+def _reference_lines(facts: Facts) -> list[tuple[str, str]]:
+    its = repeated(facts.rows, facts.run.reference)
+    if its is None:
+        return []
+    if its.noted.why_not is not None:
+        return [("reference", f"left out: {its.noted.why_not}")]
+    said = [
+        f"{design} {facts.shown.full(pair.there.value)}"
+        for design, pair in its.pairs.items()
+        if pair is not None
+    ]
+    where = f"{its.noted.engine} {its.noted.version}"
+    return [("reference", f"on {where}: {', '.join(said)}" if said else f"{where}: not run yet")]
+
+
+def _cost_lines(facts: Facts) -> list[tuple[str, str]]:
+    lines = []
+    for cost in facts.costs:
+        words = f"{campaign.cost_words(cost)} in {cost.runs} run{'s' * (cost.runs != 1)}"
+        lines.append((f"cost: {cost.phase}", words))
+    if failed := campaign.failures(facts.rows):
+        its, why = failed[0], (failed[0].why.splitlines() or [""])[0]
+        most = f"{its.count} {its.status}: {why}"
+        lines.append(("failed runs", f"{sum(f.count for f in failed)}, of which {most}"))
+    return lines

@@ -10,8 +10,14 @@ import numpy as np
 from mfopt.evaluation import Generation
 from reports.rows import Row
 from reports.statistics import median
+from reports.units import number
 
 VALIDATION = "validation"  # runs of a generation that are not at its own level
+PHASES = {
+    "check": "check", "start": "simple motions", "search": "search", "finalist": "finalists",
+    "confirm": "confirmation", "reference": "reference",
+}  # fmt: skip
+OF_SEARCH = ("check", "simple motions", "search", "finalists")  # what its budget may pay for
 NUMBER = re.compile(r"\d+(\.\d*)?(e[+-]?\d+)?", re.IGNORECASE)
 OWN_FOLDER = re.compile(r"""[^\s'"=:(]*/mfopt-[^\s'"/:)]+/?""")  # of one run, below TMPDIR
 LONGEST_REASON = 600  # [characters]
@@ -43,6 +49,17 @@ class Stage:
     std_cpu_s: float
     cpu_s: float  # of all its runs
     work: float  # [full-run equivalents]
+
+
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """What one phase of a run cost."""
+
+    phase: str  # in words
+    runs: int
+    failed: int
+    work: float  # [full-run equivalents]; nan if the work of a full run is not known
+    cpu_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,6 +161,38 @@ def _stage(
         float(cpu.sum()),
         sum(r.work for r in rows) / unit,
     )  # fmt: skip
+
+
+def costs(rows: Sequence[Row], full_run_work: float | None) -> list[Cost]:
+    """What each phase cost, in the order in which they began.
+
+    Args:
+        rows: the evaluations of a run.
+        full_run_work: predicted work of one run of the baseline at the top level.
+    """
+    unit = full_run_work if full_run_work else math.nan
+    of: dict[str, list[Row]] = {}
+    for row in rows:
+        of.setdefault(PHASES[row.purpose.split()[0]], []).append(row)
+    return [
+        Cost(phase, len(its), sum(not r.finished for r in its),
+             sum(r.work for r in its) / unit, sum(r.cpu_s for r in its))
+        for phase, its in of.items()
+    ]  # fmt: skip
+
+
+def cost_words(cost: Cost) -> str:
+    """Work and CPU time of a phase."""
+    return f"{number(cost.work, 3)} full runs, {hours(cost.cpu_s)}"
+
+
+def hours(cpu_s: float) -> str:
+    """CPU time in the unit that reads best."""
+    if cpu_s < 60.0:
+        return f"{number(cpu_s, 2)}\u202fCPU s"
+    if cpu_s < 3600.0:
+        return f"{number(cpu_s / 60.0, 2)}\u202fCPU min"
+    return f"{number(cpu_s / 3600.0, 3)}\u202fCPU h"
 
 
 def failures(rows: Sequence[Row]) -> list[Failure]:

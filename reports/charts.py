@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 BLUE, ORANGE, GREEN, PURPLE, GREY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#595959"
+ORANGE_TEXT, PURPLE_TEXT = "#A84A00", "#8A3D66"  # dark enough to read: more than 4.5 : 1
 WIDTH = 7.0  # [inch] text width of A4 with 16 mm margins
 LOG_ABOVE = 12.0  # ratio of largest to smallest value from which a linear axis hides detail
 STYLE: Any = {
@@ -167,7 +168,7 @@ def _failed(axis: "Axes", steps: Sequence[Step]) -> None:
               mew=1.4, transform=edge, clip_on=False,
               label="failed runs, with their number")  # fmt: skip
     for s in its:
-        axis.text(s.generation.number, 0.075, str(s.failed), color=ORANGE, fontsize=7,
+        axis.text(s.generation.number, 0.075, str(s.failed), color=ORANGE_TEXT, fontsize=7,
                   ha="center", va="bottom", transform=edge)  # fmt: skip
 
 
@@ -224,7 +225,7 @@ def draw_restarts(axes: "Sequence[Axes]", places: Sequence[float]) -> None:
             axis.axvline(place, color=PURPLE, lw=1.0, ls=(0, (4, 2)))
         axes[0].annotate(name, (place, 0.99 - LABEL_ROW * row), xytext=(2, 0),
                          xycoords=axes[0].get_xaxis_transform(), textcoords="offset points",
-                         color=PURPLE, fontsize=8, va="top", weight="bold")  # fmt: skip
+                         color=PURPLE_TEXT, fontsize=8, va="top", weight="bold")  # fmt: skip
 
 
 def label_rows(lefts: Sequence[float], labels: Sequence[str]) -> list[int]:

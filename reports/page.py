@@ -1,7 +1,7 @@
 """The page of a report: everything its template sets, computed once for both forms."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,52 +9,18 @@ import numpy as np
 from mfopt.arrays import AnyArray, Array
 from mfopt.store import RunDirectory
 from reports import campaign, charts, course_chart, pictures, reference, tables, viewer
-from reports.course import Course, changes, course
+from reports.course import changes
 from reports.design import Describe, DesignView
-from reports.plain import plain, readable_run
-from reports.result import Result, best_at, result, solutions, typical_first
-from reports.rows import Row, read_rows
-from reports.sentence import chosen, objective_name, sentence, state
-from reports.units import Display, display, number
+from reports.facts import Facts, gather
+from reports.needs import SIMPLE, Need, needs
+from reports.plain import plain
+from reports.result import best_at, solutions, typical_first
+from reports.rows import Row
+from reports.sentence import chosen, sentence, state
+from reports.units import MISSING, display, number
 
 ORIGIN = ("study", "mfopt_version", "platform", "created", "workers", "seed")  # of the header
 DESIGNS = 6  # shapes shown at most: two rows of a page
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Facts:
-    """What the run directory says, reduced and evaluated."""
-
-    run: RunDirectory
-    rows: tuple[Row, ...]
-    result: Result | None
-    steps: list[campaign.Step]
-    course: Course | None  # of a search that says what its generations taught
-    stages: list[campaign.Stage]
-    name: str  # of the objective, in words
-    shown: Display  # how its values are shown
-
-    @property
-    def header(self) -> Mapping[str, Any]:
-        """The run's header."""
-        return self.run.header
-
-
-def gather(run: RunDirectory) -> Facts:
-    """Read a run directory once and evaluate it."""
-    run = readable_run(run)
-    rows, levels = read_rows(run), run.header["levels"]
-    unit = str(run.header.get("objective_unit", "-"))
-    top_work = levels[-1]["work"] if levels else None
-    return Facts(
-        run, rows,
-        result(rows, [level["name"] for level in levels], run.insights),
-        campaign.steps(run.generations, rows),
-        course(run, rows),
-        campaign.stages(run.generations, rows, top_work),
-        objective_name(run.header),
-        display(unit, [r.value for r in rows]),
-    )  # fmt: skip
 
 
 def context(run: RunDirectory, describe: Describe) -> dict[str, Any]:
@@ -73,6 +39,7 @@ def context(run: RunDirectory, describe: Describe) -> dict[str, Any]:
         "state": state(run.end, facts.rows),
         "sentence": sentence(its, facts.rows, facts.name, facts.shown, ended=run.end is not None),
         "name": facts.name,
+        "work_head": _work_head(facts),
         "unit": facts.shown.unit,
         "result": its and {"confirmed": bool(its.confirmations)},
         "assisted": _assisted(facts),
@@ -81,11 +48,44 @@ def context(run: RunDirectory, describe: Describe) -> dict[str, Any]:
         and chosen(its, method=facts.header.get("method"), insights=bool(run.insights)),
         "best": best and _shown(best),
         "cards": cards(facts, best),
+        "needs": needed(facts),
         "designs": [(v.label, picture) for v, picture in zip(views, shapes, strict=True)],
         "scene": viewer.scene(views) if views else None,
         **_tables(facts),
         **_figures(facts, best, baseline),
     }
+
+
+def _work_head(facts: Facts) -> str:
+    """Head of the column of predicted work: in spheres and steps only where levels have grains."""
+    grains = any(level["grains"] for level in facts.header["levels"])
+    return "work [sphere-steps]" if grains else "work, as the study states it"
+
+
+def needed(facts: Facts) -> dict[str, Any] | None:
+    """The table of what the machine needs: a line for each quantity, a cell for each design."""
+    lines = needs(facts.rows, facts.result, facts.header)
+    if not lines or facts.result is None:
+        return None
+    designs = list(lines[0].spreads)
+    seeds = len(facts.result.confirmations)
+    one = f"The best design has one run, at level {facts.result.found.level}."
+    over = f"Medians over {seeds} fresh seed{'s' * (seeds != 1)} at the target level"
+    rivals = "; the simple motion over those of the finalists" if SIMPLE in designs else ""
+    return {
+        "caption": f"{over}{rivals}, with the range of the runs." if seeds else one,
+        "designs": designs,
+        "lines": [
+            (line.label, line.most, [_cell(line, design) for design in designs]) for line in lines
+        ],
+    }
+
+
+def _cell(line: Need, design: str) -> tuple[str, str, str]:
+    """Median, range and what is wrong with it."""
+    if design not in line.spreads:
+        return MISSING, "", ""
+    return line.text(line.spreads[design].median), line.range(design), line.fault(design)
 
 
 def _assisted(facts: Facts) -> bool:
@@ -221,22 +221,24 @@ def cards(facts: Facts, best: DesignView | None) -> list[tuple[str, str, str]]:
         made.append((facts.name, facts.shown.full(its.belief.mean), remark))
     elif its is not None:
         made.append((facts.name, facts.shown.full(its.found.value), f"one run, {its.found.level}"))
-    if its is not None and its.filling_time is not None:
-        ms, f = display("s", its.filling_time.best), its.filling_time
-        remark = f"baseline {ms.full(f.median_baseline, 3)}"
-        made.append(("filling time", ms.full(f.median_best, 3), remark))
-    elif its is not None and np.isfinite(its.found.filling_time):
-        ms = display("s", its.found.filling_time)
-        made.append(("filling time", ms.full(its.found.filling_time, 3), "of the same run"))
     if best is not None and best.bound_s is not None:
         ms = display("s", best.bound_s)
         remark = "for this motion"
         if best.bound_any_s is not None:
             remark += f"; {ms.full(best.bound_any_s, 3)} for any"
         made.append(("physical lower bound", ms.full(best.bound_s, 3), remark))
-    if facts.stages:
-        total = facts.stages[-1]
-        failed = f", {total.failed} failed" if total.failed else ""
-        cost = f"{number(total.cpu_s / 3600.0, 3)}\u202fCPU h in {total.runs} runs{failed}"
-        made.append(("cost in full runs", number(total.work, 3), cost))
+    if facts.costs:
+        made.append(_cost_card(facts.costs))
     return made
+
+
+def _cost_card(costs: Sequence[campaign.Cost]) -> tuple[str, str, str]:
+    """What the search cost, and apart from it the phases that belong to no search."""
+    search = [cost for cost in costs if cost.phase in campaign.OF_SEARCH]
+    parts = [f"{number(c.work, 3)} {c.phase}" for c in costs if c.phase not in campaign.OF_SEARCH]
+    runs, failed = sum(c.runs for c in costs), sum(c.failed for c in costs)
+    lost = f", {failed} failed" if failed else ""
+    total = f"{campaign.hours(sum(c.cpu_s for c in costs))} in {runs} runs{lost}"
+    work = number(sum(cost.work for cost in search), 3)
+    remark = "; ".join(filter(None, (", ".join(parts) and f"besides {', '.join(parts)}", total)))
+    return "search, in full runs", work, remark

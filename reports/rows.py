@@ -4,12 +4,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-
 from mfopt.arrays import AnyArray, Array
 from mfopt.evaluation import Evaluation, Purpose
-from mfopt.objective import Objective, ObjectiveSettings, objective_named, value
-from mfopt.outcome import Status
+from mfopt.objective import Objective, ObjectiveSettings, objective_named, quantities, value
+from mfopt.outcome import Outcome, Status
 from mfopt.store import RunDirectory
 from reports.plain import plain
 
@@ -25,7 +23,9 @@ class Row:
     purpose: Purpose
     x: Array  # (d,) physical units
     value: float  # the study's objective, infinite if the run failed
+    dispersion: float  # [s] spread of the passage times; nan if it does not apply
     filling_time: float  # [s] first to last grain; nan if it does not apply
+    mass_left: float  # share of the portion that stays behind; nan if it does not apply
     left_in_cup: float  # grains; nan if it does not apply
     left_in_hopper: float
     status: Status
@@ -47,25 +47,31 @@ def read_rows(run: RunDirectory) -> tuple[Row, ...]:
     """
     settings = ObjectiveSettings(**run.header.get("objective_settings", {}))
     objective = objective_named(run.header["objective"], settings)
-    return tuple(_row(evaluation, objective) for evaluation in run.evaluations())
+    return tuple(_row(evaluation, objective, settings) for evaluation in run.evaluations())
 
 
-def _row(evaluation: Evaluation, objective: Objective) -> Row:
+def _row(evaluation: Evaluation, objective: Objective, settings: ObjectiveSettings) -> Row:
     c, o = evaluation.candidate, evaluation.outcome
+    its = _quantities(o, settings)
     return Row(
         c.index, c.generation, plain(c.level), c.seed, c.purpose, c.x,
         value(objective, evaluation.outcome),
-        filling_time(o.raw) if o.finished else math.nan,
+        its.get("dispersion", math.nan), its.get("filling time", math.nan),
+        its.get("mass left", math.nan),
         _count(o.raw, "left_in_cup"), _count(o.raw, "left_in_hopper"),
         o.status, o.why and plain(o.why), o.work, o.cpu_s,
     )  # fmt: skip
 
 
-def filling_time(raw: Mapping[str, AnyArray]) -> float:
-    """Time between the first and the last grain [s]; nan if no grains are recorded."""
-    times = raw.get("passage_times", np.empty(0))
-    return float(times.max() - times.min()) if times.size > 2 else math.nan
+def _quantities(outcome: Outcome, settings: ObjectiveSettings) -> dict[str, float]:
+    """What is asked of a dosing run; nothing of a run that failed or is of another kind."""
+    if not outcome.finished:
+        return {}
+    try:
+        return quantities(outcome.raw, settings) or {}
+    except (TypeError, ValueError, ArithmeticError):  # a user's arrays of the same names
+        return {}
 
 
 def _count(raw: Mapping[str, AnyArray], name: str) -> float:
-    return float(raw[name]) if name in raw else math.nan
+    return float(raw[name]) if name in raw and raw[name].ndim == 0 else math.nan

@@ -17,10 +17,9 @@ def status(path: RunPath, as_json: AsJson = False) -> None:
 
 def print_result(path: Path, on: Console, *, as_json: bool) -> None:
     """The result in a few lines, or as JSON."""
-    from reports.answer import answer, as_table
+    from reports.answer import answer, as_text
 
-    its = answer(open_run(path))
     if as_json:
-        typer.echo(json.dumps(its, indent=2))
+        typer.echo(json.dumps(answer(open_run(path)), indent=2))
     else:
-        on.print(as_table(its))
+        on.print(as_text(open_run(path)))

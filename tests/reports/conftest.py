@@ -45,6 +45,7 @@ def header(variables: list[tuple[str, float, float, str]], baseline: Array) -> d
         "levels": [{"name": n, "engine": n.split("-")[0], "grains": g or None,
                     "spheres_per_grain": 5 if g else None, "work": w} for n, g, w in LEVELS],
         "objective": "dispersion", "objective_unit": "s", "workers": 2,
+        "objective_settings": {"filling_time_limit_s": 0.33},
     }  # fmt: skip
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from mfopt.evaluation import Reference
 from mfopt.store import RunDirectory
-from reports.answer import answer
+from reports.answer import answer, as_text
 
 
 def test_the_reference_is_named_beside_the_target(finished_run: RunDirectory) -> None:
@@ -45,3 +45,34 @@ def test_a_run_at_its_beginning_has_an_answer(make_run: Callable[..., RunDirecto
 
 def test_without_a_reference_none_is_named(own_run: RunDirectory) -> None:
     assert "reference" not in answer(own_run)
+
+
+@pytest.mark.parametrize("run", ["finished_run", "own_run"])
+def test_the_text_fits_the_smallest_terminal_and_ascii(
+    run: str, request: pytest.FixtureRequest
+) -> None:
+    text = as_text(request.getfixturevalue(run))
+    assert max(map(len, text.splitlines())) <= 80
+    assert text.encode("ascii", errors="strict")
+
+
+def test_the_text_has_units_and_tells_search_confirmation_and_reference_apart(
+    finished_run: RunDirectory,
+) -> None:
+    text = " ".join(as_text(finished_run).split())
+    for words in (
+        "filling time [ms] at most 330, best ", "mass left [%] best 0, baseline 0.2",
+        "ABOVE THE LIMIT IN 5 OF 5 RUNS", "l1 150.7 mm", "cost: search ", "cost: confirmation 10.0",
+        "cost: reference 66.7 full runs, 5.00 CPU h in 2 runs", "below the baseline's 679.5 ms",
+    ):  # fmt: skip
+        assert words in text, words
+
+
+def test_numbers_for_scripts_have_their_units(finished_run: RunDirectory) -> None:
+    its = answer(finished_run)
+    filling = its["needs"]["filling time"]
+    assert (filling["unit"], filling["limit"]) == ("s", 0.33)
+    assert filling["best"]["low"] <= filling["best"]["median"] <= filling["best"]["high"]
+    assert its["cost"]["confirmation"] == pytest.approx(
+        {"full_runs": 10.0, "cpu_s": 3000.0, "runs": 10, "failed": 0}
+    )

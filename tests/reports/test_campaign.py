@@ -13,8 +13,8 @@ from reports.rows import Row, read_rows
 
 def row(generation: int, value: float, *, level: str = "a", work: float = 1.0, cpu_s: float = 1.0,
         purpose: str = "search", why: str | None = None) -> Row:  # fmt: skip
-    return Row(0, generation, level, 1, purpose, np.zeros(1), value, math.nan, math.nan,  # type: ignore[arg-type]
-               math.nan, "crashed" if why else "finished", why, work, cpu_s)  # fmt: skip
+    return Row(0, generation, level, 1, purpose, np.zeros(1), value, *[math.nan] * 5,  # type: ignore[arg-type]
+               "crashed" if why else "finished", why, work, cpu_s)  # fmt: skip
 
 
 def generation(number: int, level: str = "a", size: int = 2, objective: str = "f") -> Generation:

@@ -20,6 +20,7 @@ def row(purpose: Purpose, seed: int, value: float, **given: Any) -> Row:
         "index": 0, "generation": 0, "level": "fine", "seed": seed, "purpose": purpose,
         "x": np.zeros(1), "value": value, "filling_time": 2.0 * value, "left_in_cup": 3.0,
         "left_in_hopper": 0.0, "status": "finished", "why": None, "work": 1.0, "cpu_s": 1.0,
+        "dispersion": math.nan, "mass_left": math.nan,
     }  # fmt: skip
     return Row(**(fields | given))
 

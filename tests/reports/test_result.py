@@ -21,6 +21,7 @@ def row(index: int, value: float, **given: Any) -> Row:
         "x": np.array([float(index)]), "value": value, "filling_time": 2.0 * value,
         "left_in_cup": 0.0, "left_in_hopper": 0.0, "status": "finished", "why": None,
         "work": 1.0, "cpu_s": 1.0,
+        "dispersion": math.nan, "mass_left": math.nan,
     }  # fmt: skip
     return Row(**(fields | given))
 

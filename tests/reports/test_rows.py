@@ -7,33 +7,64 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mfopt.arrays import frozen
+from mfopt.arrays import AnyArray, Array, frozen
 from mfopt.evaluation import Candidate, Evaluation, Generation
-from mfopt.objective import objective_named, value
+from mfopt.objective import filling_time, objective_named, value
 from mfopt.outcome import Outcome
 from mfopt.store import RunDirectory, create
-from reports.rows import filling_time, read_rows
+from reports.rows import Row, read_rows
 
 
-def test_filling_time_is_from_first_to_last_grain() -> None:
-    assert filling_time({"passage_times": np.array([0.3, 0.5, 0.75])}) == pytest.approx(0.45)
-    assert math.isnan(filling_time({"f": np.array(1.0)}))
+def raw(**other: Array) -> dict[str, AnyArray]:
+    """A dosing run of 200 grains, 2 of which stay in the cup."""
+    made = {
+        "passage_times": np.linspace(0.2, 0.6, 198),
+        "left_in_cup": np.array(2),
+        "left_in_hopper": np.array(0),
+        "grains": np.array(200),
+        "duration": np.array(1.0),
+    }
+    return made | other  # fmt: skip
+
+
+def row(tmp_path: Path, arrays: dict[str, AnyArray], objective: str = "filling_time") -> Row:
+    """The only evaluation of a run, which was ranked by another objective if it is of dosing."""
+    run = create(tmp_path, "", {"objective": objective, "levels": []})
+    ranked_by = "dispersion" if objective == "filling_time" else objective
+    run.add_generation(Generation(1, "a", 0, 0.2, 4, ranked_by))
+    out = Outcome(frozen([1.0]), "a", 1, "finished", None, arrays)
+    told = value(objective_named(ranked_by), out)
+    run.add_evaluation(Evaluation(Candidate(0, out.x, "a", 1, 1), out, told))
+    return read_rows(run)[0]
+
+
+def test_what_is_asked_of_a_dosing_run_stands_in_its_row(tmp_path: Path) -> None:
+    its = row(tmp_path, raw())
+    assert its.filling_time == pytest.approx(0.4)
+    assert its.mass_left == pytest.approx(0.01)
+    assert 0.1 < its.dispersion < 0.12  # 0.4 / sqrt(12), the last grains left out
+    assert its.left_in_cup == 2
 
 
 def test_values_are_those_of_the_study_objective_whatever_ranked_the_generation(
     tmp_path: Path,
 ) -> None:
-    raw = {"passage_times": np.linspace(0.2, 0.6, 101), "left_in_cup": np.array(2),
-           "left_in_hopper": np.array(0), "grains": np.array(4600),
-           "duration": np.array(1.0)}  # fmt: skip
-    run = create(tmp_path, "", {"objective": "filling_time", "levels": []})
-    run.add_generation(Generation(1, "a", 0, 0.2, 4, "dispersion"))
-    out = Outcome(frozen([1.0]), "a", 1, "finished", None, raw)
-    told = value(objective_named("dispersion"), out)
-    run.add_evaluation(Evaluation(Candidate(0, out.x, "a", 1, 1), out, told))
-    (row,) = read_rows(run)
-    assert row.value == pytest.approx(0.4 + 2 * 0.05)
-    assert row.left_in_cup == 2
+    arrays = raw()
+    assert row(tmp_path, arrays).value == pytest.approx(sum(filling_time(arrays).values()))
+
+
+def test_a_run_of_another_kind_has_no_filling_time(tmp_path: Path) -> None:
+    its = row(tmp_path, {"f": np.array(3.0)}, "returned")
+    assert its.value == 3.0
+    assert math.isnan(its.filling_time)
+    assert math.isnan(its.mass_left)
+
+
+@pytest.mark.parametrize("odd", [np.array([]), np.array([1.0, 2.0]), np.array(0.0)])
+def test_arrays_of_a_user_with_the_same_names_do_no_harm(tmp_path: Path, odd: Array) -> None:
+    its = row(tmp_path, {"f": np.array(3.0), **raw(grains=odd, left_in_cup=odd)}, "returned")
+    assert its.value == 3.0
+    assert math.isnan(its.mass_left)
 
 
 def test_rows_agree_with_the_journal(make_run: Callable[..., RunDirectory]) -> None:

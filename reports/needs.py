@@ -1,0 +1,136 @@
+"""What the machine needs, for a first look: dispersion, filling time and mass left.
+
+The objective adds them up; here each stands for itself, so that none can hide behind another.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from reports.result import Result
+from reports.rows import Row
+from reports.statistics import median
+from reports.units import Display
+
+MS = Display(1e3, "ms")
+PERCENT = Display(1e2, "%")  # of the portion's mass
+SIMPLE = "best simple motion"
+
+
+@dataclass(frozen=True, slots=True)
+class Spread:
+    """One quantity over the runs of one design, in SI units."""
+
+    median: float
+    low: float
+    high: float
+    runs: int
+    failed: int  # runs besides these
+    over: int  # of the runs, those above the limit
+
+
+@dataclass(frozen=True, slots=True)
+class Need:
+    """One quantity for each of the designs that are compared."""
+
+    name: str
+    unit: str  # of the numbers, SI; "-" for a share
+    shown: Display
+    limit: float | None  # that the study sets
+    spreads: Mapping[str, Spread]  # by design; "best" and "baseline" first
+
+    @property
+    def label(self) -> str:
+        """The name with the unit that it is shown in."""
+        return f"{self.name} [{self.shown.unit}]"
+
+    @property
+    def most(self) -> str:
+        """The limit in words; empty without one."""
+        return "" if self.limit is None else f"at most {self.text(self.limit)}"
+
+    def text(self, value: float) -> str:
+        """A value as the table shows it."""
+        return self.shown.text(value, 3)
+
+    def range(self, design: str) -> str:
+        """Smallest and largest value over the runs; nothing for one run, or where they agree."""
+        its = self.spreads[design]
+        low, high = self.text(its.low), self.text(its.high)
+        return "" if its.runs < 2 or low == high else f"{low} to {high}"
+
+    def fault(self, design: str) -> str:
+        """What is wrong with this design, in words; empty if nothing is."""
+        its, base = self.spreads[design], self.spreads.get("baseline")
+        said = []
+        if its.failed:
+            said.append(f"{its.failed} of {its.runs + its.failed} runs failed")
+        if its.over:
+            said.append(f"above the limit in {its.over} of {its.runs} runs")
+        shown = self.text(its.median)  # what reads alike is not called worse
+        if base and its.median > base.median and shown != self.text(base.median):
+            said.append("worse than the baseline")
+        return ", ".join(said)
+
+    def sentence(self) -> str:
+        """The quantity of all designs in one line."""
+        said = list(filter(None, [self.most]))
+        for design, its in self.spreads.items():
+            extra = ", ".join(filter(None, (self.range(design), self.fault(design).upper())))
+            said.append(f"{design} {self.text(its.median)}" + (f" ({extra})" if extra else ""))
+        return ", ".join(said)
+
+
+def needs(
+    rows: Sequence[Row], result: Result | None, header: Mapping[str, Any]
+) -> tuple[Need, ...]:
+    """Dispersion, filling time and mass left of the designs that fresh seeds compare.
+
+    Before the confirmation the best design has the run that found it. Empty where runs are of
+    another kind.
+    """
+    if result is None:
+        return ()
+    runs: dict[str, Sequence[Row]] = {
+        "best": result.confirmations or (result.found,),
+        "baseline": result.baseline,
+    }
+    if (simple := _simple_motion(rows)) and not np.array_equal(simple[0].x, result.x):
+        runs[SIMPLE] = simple
+    limit = header.get("objective_settings", {}).get("filling_time_limit_s")
+    made = (
+        Need("dispersion", "s", MS, None, _spreads(runs, "dispersion")),
+        Need("filling time", "s", MS, limit, _spreads(runs, "filling_time", limit)),
+        Need("mass left", "-", PERCENT, None, _spreads(runs, "mass_left")),
+    )
+    return tuple(need for need in made if "best" in need.spreads)
+
+
+def _simple_motion(rows: Sequence[Row]) -> list[Row]:
+    """Runs at the target of the best design among the starts; none if it was no finalist."""
+    starts: dict[bytes, list[float]] = {}
+    for row in rows:
+        if row.purpose == "start":
+            starts.setdefault(row.x.tobytes(), []).append(row.value)
+    best = min(starts, key=lambda x: sum(starts[x]) / len(starts[x]), default=None)
+    return [row for row in rows if row.purpose == "finalist" and row.x.tobytes() == best]
+
+
+def _spreads(
+    runs: Mapping[str, Sequence[Row]], field: str, limit: float | None = None
+) -> dict[str, Spread]:
+    """One quantity of each design that has a finished run which gives it."""
+    made = {}
+    for design, its in runs.items():
+        given = [float(getattr(row, field)) for row in its if row.finished]
+        values = [value for value in given if math.isfinite(value)]
+        if values:
+            over = 0 if limit is None else sum(value > limit for value in values)
+            failed = len(its) - len(values)
+            made[design] = Spread(
+                median(values), min(values), max(values), len(values), failed, over
+            )
+    return made
