@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import fields, is_dataclass, replace
 from typing import Any, TypeVar
 
@@ -34,7 +35,8 @@ def readable(its: T) -> T:
 
 def readable_run(run: RunDirectory) -> RunDirectory:
     """A run directory whose header, generations, insights and ends are plain text."""
-    return replace(
-        run, header=readable(run.header), generations=readable(run.generations),
-        insights=readable(run.insights), reference=readable(run.reference), end=readable(run.end),
-    )  # fmt: skip
+    its = copy(run)
+    its.header = readable(run.header)
+    its.generations, its.insights = readable(run.generations), readable(run.insights)
+    its.reference, its.end = readable(run.reference), readable(run.end)
+    return its

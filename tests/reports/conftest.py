@@ -9,7 +9,7 @@ import pytest
 
 from mfopt.arrays import AnyArray, Array, frozen
 from mfopt.evaluation import Candidate, Evaluation, Generation, Insight, Purpose, Reference
-from mfopt.objective import dispersion, value
+from mfopt.objective import ObjectiveSettings, dispersion, value
 from mfopt.outcome import Outcome
 from mfopt.store import RunDirectory, create, open_run
 from reports.design import DesignView, Mesh
@@ -32,6 +32,7 @@ UPPER = np.array([v[2] for v in VARIABLES])
 LEVELS = [("reduced", 0, 2e5), ("bullet-300", 300, 6e7), ("yade-1000", 1000, 9e8)]
 PLAN = [("reduced", 12, 24), ("bullet-300", 10, 12), ("yade-1000", 6, 10)]
 REFERENCE = Reference("yade-1000-longdouble", "longdouble", "2022.01a")
+SETTINGS = ObjectiveSettings(filling_time_limit_s=0.33)
 STROKE, PERIOD, DROP = 0.4, 0.6, 0.56  # [m], [s], [m]
 
 
@@ -45,7 +46,7 @@ def header(variables: list[tuple[str, float, float, str]], baseline: Array) -> d
         "levels": [{"name": n, "engine": n.split("-")[0], "grains": g or None,
                     "spheres_per_grain": 5 if g else None, "work": w} for n, g, w in LEVELS],
         "objective": "dispersion", "objective_unit": "s", "workers": 2,
-        "objective_settings": {"filling_time_limit_s": 0.33},
+        "objective_settings": SETTINGS.described(),
     }  # fmt: skip
 
 
@@ -106,7 +107,7 @@ def outcome(
 
 
 def add(run: RunDirectory, candidate: Candidate, result: Outcome) -> Evaluation:
-    evaluation = Evaluation(candidate, result, value(dispersion, result))
+    evaluation = Evaluation(candidate, result, value(lambda raw: dispersion(raw, SETTINGS), result))
     run.add_evaluation(evaluation)
     return evaluation
 

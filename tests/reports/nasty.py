@@ -7,6 +7,7 @@ import numpy as np
 
 from mfopt.arrays import AnyArray, Array, frozen
 from mfopt.evaluation import Candidate, Evaluation, Generation, Insight, Purpose, Reference
+from mfopt.objective import judged, objective_named
 from mfopt.outcome import Outcome
 from mfopt.store import RunDirectory, create, open_run
 from reports.design import Describe, DesignView, no_view
@@ -103,16 +104,16 @@ class Nasty:
             }  # fmt: skip
         return made
 
-    def evaluation(self, candidate: Candidate) -> Evaluation:
+    def evaluation(self, candidate: Candidate, objective: str) -> Evaluation:
         x, level, seed = candidate.x, candidate.level, candidate.seed
-        work, cpu_s, value = abs(self.number()), abs(self.number()), self.value()
+        work, cpu_s = abs(self.number()), abs(self.number())
         if self.often(0.2):
             outcome = Outcome(x, level, seed, "crashed", self.text(), {}, work, cpu_s)
             return Evaluation(candidate, outcome, np.inf)
-        raw = {"f": np.array(value)} if self.often(0.3) else self.raw()
-        return Evaluation(
-            candidate, Outcome(x, level, seed, "finished", None, raw, work, cpu_s), value
-        )
+        raw = {"f": np.array(self.value())} if objective == "returned" else self.raw()
+        outcome = Outcome(x, level, seed, "finished", None, raw, work, cpu_s)
+        with np.errstate(all="ignore"):
+            return Evaluation(candidate, *judged(objective_named(objective), outcome))
 
 
 def nasty_run(path: Path, seed: int) -> RunDirectory:
@@ -126,11 +127,11 @@ def nasty_run(path: Path, seed: int) -> RunDirectory:
     for number in range(1, 1 + its.count(5)):
         level = names[min(number // 2, len(names) - 1)]
         why = its.text() if number % 2 else f"level change to {level}: {its.text()}"
-        run.add_generation(Generation(number, level, 0, 0.2, 4, "dispersion", why))
+        run.add_generation(Generation(number, level, 0, 0.2, 4, header["objective"], why))
         for _ in range(its.count(3)):
             x = its.design(header["variables"])
             candidate = Candidate(index, x, its.one_of(names), 1, number)
-            run.add_evaluation(its.evaluation(candidate))
+            run.add_evaluation(its.evaluation(candidate, header["objective"]))
             index += 1
         if its.often(0.7):
             x = its.design(header["variables"])
@@ -144,7 +145,7 @@ def nasty_run(path: Path, seed: int) -> RunDirectory:
         for purpose in CONFIRMED if repeat else (*CONFIRMED, *REPEATED):
             level = reference.level if purpose in REPEATED else names[-1]
             candidate = Candidate(index, x, level, 1001 + repeat, 0, purpose)
-            run.add_evaluation(its.evaluation(candidate))
+            run.add_evaluation(its.evaluation(candidate, header["objective"]))
             index += 1
     if its.often(0.5):
         run.add_reference(reference if its.often(0.7) else Reference(why_not=its.text()))
