@@ -1,7 +1,7 @@
 """The dosing scene as a level, on any discrete-element engine."""
 
 import logging
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -55,19 +55,43 @@ class DosingLevel:
     def evaluate(self, x: Array, *, seed: int) -> Outcome:
         """Run once at `x` (d,) [mm, -] from the packing of that seed."""
         try:
-            machine = design(self.settings, x)
+            machine, setup, settled = self._start(x, seed)
         except InvalidDesign as error:
             return self._failed(x, seed, "invalid_design", str(error))
+        except SimulationError as error:
+            return self._failed(x, seed, "crashed", str(error))
+        movement = self.engine.move(setup, time_limit_s=self.dem.time_limit_s)
+        return self._outcome(x, seed, machine, setup, settled, movement)
+
+    def probe(self, x: Array, *, seed: int, share: float) -> Outcome:
+        """Run the first `share` of the cycle at `x` (d,): whether it runs, and how fast."""
+        try:
+            _, setup, _ = self._start(x, seed)
+        except InvalidDesign as error:
+            return self._failed(x, seed, "invalid_design", str(error))
+        except SimulationError as error:
+            return self._failed(x, seed, "crashed", str(error))
+        part = share * MILLI * self.settings.cycle_ms
+        short = replace(setup, duration=part, snapshot_times=np.empty(0))
+        movement = self.engine.move(short, time_limit_s=self.dem.time_limit_s)
+        work = movement.sphere_steps * self.engine.cost_factor
+        why = movement.why
+        return Outcome(frozen(x), self.name, seed, movement.status, why, {}, work, movement.cpu_s)
+
+    def _start(self, x: Array, seed: int) -> tuple[Design, Setup, Settled]:
+        """The machine, the run as an engine is given it, and the packing that it starts from.
+
+        Raises:
+            InvalidDesign: if the machine cannot be built.
+            SimulationError: if the grains cannot be settled.
+        """
+        machine = design(self.settings, x)
         order = packing_order(self.settings, self.dem, seed)
         cache = default_cache() if self.cache is None else self.cache
         limit = self.dem.time_limit_s
-        try:
-            settled = settled_packing(self.filler, order, cache, time_limit_s=limit)
-        except SimulationError as error:
-            return self._failed(x, seed, "crashed", str(error))
+        settled = settled_packing(self.filler, order, cache, time_limit_s=limit)
         setup = dosing_setup(self.settings, machine, order, settled.packing, self.snapshots)
-        movement = self.engine.move(setup, time_limit_s=limit)
-        return self._outcome(x, seed, machine, setup, settled, movement)
+        return machine, setup, settled
 
     def _outcome(
         self,

@@ -13,6 +13,7 @@ from fidelity.engine import Engine
 from fidelity.settings import DemSettings, DosingSettings
 from fidelity.yade import YadeEngine
 from mfopt.arrays import Array
+from mfopt.check import Probed
 from mfopt.objective import dispersion
 from mfopt.outcome import Outcome
 
@@ -86,6 +87,24 @@ def test_same_seed_gives_the_same_outcome_bit_for_bit(engine: Engine, tmp_path: 
     assert np.array_equal(first.raw["passage_times"], again.raw["passage_times"])
     assert float(first.raw["settling_work"]) > 0
     assert float(again.raw["settling_work"]) == 0
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_the_first_steps_cost_their_share(engine: Engine, cache: Path) -> None:
+    level = DosingLevel("coarse", SETTINGS, DEM, engine, cache, snapshots=2)
+    outcome = level.probe(SLOW, seed=0, share=0.1)
+    assert outcome.finished, outcome.why
+    assert isinstance(level, Probed)
+    assert 0.07 * level.work(SLOW) < outcome.work < 0.13 * level.work(SLOW)
+    assert outcome.cpu_s > 0.0
+
+
+def test_first_steps_that_cannot_be_run_are_a_failed_run(tmp_path: Path) -> None:
+    level = DosingLevel("coarse", SETTINGS, DEM, BulletEngine(), tmp_path)
+    assert level.probe(with_values(r1=45.0, w1=60.0), seed=0, share=0.1).status == "invalid_design"
+    one = DosingLevel("one", SETTINGS, DEM.model_copy(update={"grains": 1, "spheres_per_grain": 5}),
+                      BulletEngine(), tmp_path)  # fmt: skip
+    assert one.probe(SLOW, seed=0, share=0.1).status == "crashed"
 
 
 def test_impossible_design_is_not_simulated(tmp_path: Path) -> None:
