@@ -113,25 +113,39 @@ def check_levels(
     asked = whole_runs(ladder, x)
     kept = {c.level: found for c in asked if (found := recall(c)) is not None}
     whole = {c.level for c in asked}
-    waiting = [Trial(level, level.name in whole) for level in ladder if level.name not in kept]
-    waiting += [] if reference is None else [Trial(reference, whole=False)]
+    trials = [Trial(level, level.name in whole) for level in ladder if level.name not in kept]
+    trials += [] if reference is None else [Trial(reference, whole=False)]
     rates = {name: _rate(e.outcome.cpu_s, e.outcome.work) for name, e in kept.items()}
-    why: dict[str, str | None] = {}
+    try:
+        for trial, evaluation, rate in _until_each_runs(trials, x, runner, judge):
+            kept.setdefault(trial.name, evaluation)
+            rates[trial.name] = rate
+    except BaseException:
+        runner.close()
+        raise
+    return Checked(tuple(replace(kept[c.level], candidate=c) for c in asked), rates)
+
+
+def _until_each_runs(
+    waiting: Sequence[Trial], x: Array, runner: Runner, judge: Judge
+) -> Iterator[tuple[Trial, Evaluation, float]]:
+    """Run each trial on one seed after the other, until it finishes on one.
+
+    Raises:
+        SimulationError: if one does not.
+    """
+    ended: dict[str, Outcome] = {}
     for seed in SEEDS:
         for trial, evaluation, rate in _tried(waiting, x, seed, runner, judge):
-            kept.setdefault(trial.name, evaluation)
-            why[trial.name] = evaluation.outcome.why
-            if evaluation.outcome.finished:
-                rates[trial.name] = rate
-        waiting = [trial for trial in waiting if trial.name not in rates]
+            ended[trial.name] = evaluation.outcome
+            yield trial, evaluation, rate
+        waiting = [trial for trial in waiting if not ended[trial.name].finished]
     if waiting:
         name = waiting[0].name
         raise SimulationError(
             f"level {name!r} cannot run: its first {len(SEEDS)} runs, at the start design, all "
-            f"failed, the last one so:\n{why[name]}"
+            f"failed, the last one so:\n{ended[name].why}"
         )
-    made = (replace(kept[c.level], candidate=c) for c in asked)
-    return Checked(tuple(made), rates)
 
 
 def _tried(

@@ -1,4 +1,4 @@
-"""The loop: run the starts, then ask, evaluate, store, tell; then finalists and confirmation.
+"""The loop: check and starts, then ask, evaluate, store, tell; then finalists and confirmation.
 
 Resuming replays the search from its seed. A candidate that the run directory already holds
 is told from there, only the others are run. A search is a pure function of its seed and of
@@ -6,7 +6,7 @@ the values it is told, so the resumed run ends with the evaluations of an undist
 """
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,6 +17,7 @@ from mfopt.executor import Runner
 from mfopt.level import Ladder, Level
 from mfopt.memory import Memory
 from mfopt.objective import DEFAULTS, Objective, ObjectiveSettings, judged, missed, objective_named
+from mfopt.outcome import Outcome
 from mfopt.phases import (
     NO_FINALS,
     Finals,
@@ -43,6 +44,7 @@ class Progress:
 
 
 Watch = Callable[[Progress], None]
+Run = tuple[str, int, bytes]  # level, seed and design: what a run gives depends on nothing else
 MakeSearch = Callable[[Array], Search]  # the search that starts from a design (d,)
 
 
@@ -55,13 +57,33 @@ class _Loop:
     settings: ObjectiveSettings
     window: int
     watch: Watch
+    checked: Mapping[Run, Outcome]  # what the check of the levels has run
+
+    def known(self, candidate: Candidate, objective: Objective) -> Evaluation | None:
+        """The evaluation of a candidate that need not be run: stored, or run by the check."""
+        found = self.memory.recall(candidate)
+        if found is None and (outcome := self.checked.get(_run_of(candidate))) is not None:
+            free = replace(outcome, work=0.0, cpu_s=0.0)  # the check has it
+            found = Evaluation(candidate, *judged(objective, free))
+            self.memory.run.add_evaluation(found)
+        return found
+
+    def keep(self, made: Sequence[Evaluation]) -> None:
+        """Store evaluations that were made outside of the loop, unless they are there."""
+        for evaluation in made:
+            known = self.memory.recall(evaluation.candidate) is not None
+            if not known:
+                self.memory.run.add_evaluation(evaluation)
+            self.watch(Progress(evaluation, [], replayed=known))
 
     def evaluate(
         self, candidates: Sequence[Candidate], ladder: Ladder, objective_name: str
     ) -> list[Evaluation]:
         """Evaluate what is not in the run directory yet; all in the order given."""
         objective = objective_named(objective_name, self.settings)
-        made = {c.index: found for c in candidates if (found := self.memory.recall(c)) is not None}
+        made = {
+            c.index: found for c in candidates if (found := self.known(c, objective)) is not None
+        }
         for found in made.values():
             self.watch(Progress(found, [], replayed=True))
         missing = [c for c in candidates if c.index not in made]
@@ -83,6 +105,7 @@ def run_study(
     confirm_seeds: int,
     objective: str = "returned",
     objective_settings: ObjectiveSettings = DEFAULTS,
+    checked: Sequence[Evaluation] = (),
     starts: Starts | None = None,
     finals: Finals = NO_FINALS,
     window: int = 1,
@@ -96,6 +119,8 @@ def run_study(
         confirm_on: ladder for the confirmation, e.g. with snapshots switched on.
         confirm_seeds: fresh seeds for the best and the baseline design.
         objective: that ranks starts, finalists and the confirmation.
+        checked: whole runs that the check of the levels has made, numbered from 0. The search
+            learns from them, and none is made again.
         starts: designs of which the best is where the search starts; the baseline if None.
         finals: how the best design is told from its rivals.
         window: candidates that may be out at a time; a resumed run needs the same.
@@ -104,16 +129,20 @@ def run_study(
     Returns:
         An evaluation of the best design, at the highest level that has one.
     """
-    loop = _Loop(Memory(run), runner, objective_settings, window, watch)
+    at_check = {_run_of(e.candidate): e.outcome for e in checked}
+    loop = _Loop(Memory(run), runner, objective_settings, window, watch, at_check)
     try:
-        before = [] if starts is None else loop.evaluate(starts.candidates(0), ladder, objective)
-        start = next(iter(by_mean(before)), None)
+        loop.keep(checked)
+        first = [] if starts is None else starts.candidates(len(checked))
+        before = [*checked, *loop.evaluate(first, ladder, objective)]
+        start = next(iter(by_mean(before[len(checked) :])), None)
         search = make_search(problem.baseline if start is None else start)
-        if before:
+        told = list({_run_of(e.candidate): e for e in before}.values())
+        if told:
             search.tell(
-                [e.candidate for e in before],
-                [e.objective for e in before],
-                missed(objective_named(objective, objective_settings), [e.outcome for e in before]),
+                [e.candidate for e in told],
+                [e.objective for e in told],
+                missed(objective_named(objective, objective_settings), [e.outcome for e in told]),
             )
         made = [*before, *_search(search, loop, ladder, len(before))]
         top = ladder.top.name
@@ -160,7 +189,8 @@ def _search(search: Search, loop: _Loop, ladder: Ladder, first_index: int) -> li
                 candidate = replace(its, index=first_index + its.index)
                 out.append((its, candidate))
                 objectives[candidate.index] = objective_named(generation.objective, loop.settings)
-                if (found := memory.recall(candidate)) is not None:
+                found = loop.known(candidate, objectives[candidate.index])
+                if found is not None:
                     arrived[candidate.index] = found
                     loop.watch(Progress(found, search.work_left, True, search.insight))
                 else:
@@ -202,6 +232,10 @@ def _tell_apart(
         rivals = by_mean(its)[: len(rivals) // 2]
         seeds, used = 2 * seeds, used + seeds
     return made, rivals[0] if rivals else None
+
+
+def _run_of(candidate: Candidate) -> Run:
+    return candidate.level, candidate.seed, candidate.x.tobytes()
 
 
 def best_of(

@@ -1,19 +1,38 @@
 """`mfopt check`: what a study is about, what it would run, and what that would cost."""
 
+from collections.abc import Mapping
+from contextlib import closing
+from typing import Annotated
+
+import typer
 from rich.console import RenderableType
 from rich.table import Table
 
 from fidelity.assemble import Assembled, assemble
 from mfopt.commands.ladder import ladder_table, spending
 from mfopt.commands.shared import StudyFile, screen
+from mfopt.commands.workers import new_runner, prepare_engines, started, workers_of
+from mfopt.level import Level
 from mfopt.study import Study, read_study
 
 
-def check(study_file: StudyFile) -> None:
+def check(
+    study_file: StudyFile,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="start every level once, and measure its time")
+    ] = False,
+) -> None:
     """Read a study and say what `mfopt run` would do and cost."""
     study, _ = read_study(study_file)
-    for part in described(study, assemble(study, where=str(study_file))):
+    parts = assemble(study, where=str(study_file))
+    for part in described(study, parts):
         screen.print(part)
+    if dry_run:
+        prepare_engines(study, parts, screen)
+        with closing(new_runner(study)) as runner:
+            rates = started(study, parts, runner).seconds_per_work
+        for part in measured(study, parts, rates):
+            screen.print(part)
 
 
 def described(study: Study, parts: Assembled) -> list[RenderableType]:
@@ -27,6 +46,45 @@ def described(study: Study, parts: Assembled) -> list[RenderableType]:
         spending(study, parts),
         *_engines(parts),
     ]
+
+
+def measured(study: Study, parts: Assembled, rates: Mapping[str, float]) -> list[RenderableType]:
+    """What the dry run found: how long a run of each level takes, and about how long all takes.
+
+    Args:
+        rates: seconds that a unit of work takes, by level.
+    """
+    x = parts.problem.baseline
+    table = Table("level", "time of a run", title="every level runs")
+    for level in parts.all_levels:
+        table.add_row(level.name, duration(level.work(x) * rates[level.name]))
+    workers = workers_of(study)
+    total = duration(_cpu_s(study, parts, rates) / workers)
+    return [table, f"The study takes about {total} on {workers} workers, as far as that tells."]
+
+
+def _cpu_s(study: Study, parts: Assembled, rates: Mapping[str, float]) -> float:
+    """Time [s] that all runs of the study take one after the other."""
+
+    def time_of(level: Level) -> float:
+        return level.work(parts.problem.baseline) * rates[level.name]
+
+    full_run = time_of(parts.ladder.top)
+    after = study.confirm.runs(starts=parts.starts is not None) * full_run
+    if parts.reference_level is not None:
+        after += 2 * time_of(parts.reference_level)
+    if study.search.budget is not None:
+        return after + study.search.budget * full_run
+    stages = study.search.stages(study.problem.objective)
+    return after + sum(stage.runs * time_of(parts.ladder[stage.level]) for stage in stages)
+
+
+def duration(seconds: float) -> str:
+    """A time in the units that people use."""
+    if seconds < 60.0:
+        return f"{seconds:.2g} s"
+    minutes = round(seconds / 60.0)
+    return f"{minutes} min" if minutes < 90 else f"{seconds / 3600.0:.2g} h"
 
 
 def _variables(parts: Assembled) -> Table:

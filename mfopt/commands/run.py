@@ -12,15 +12,16 @@ from rich.console import Console
 from fidelity.assemble import Assembled, assemble, level_settings
 from mfopt.arrays import Array
 from mfopt.begin import begin, begin_reference, check_disk
-from mfopt.cluster import dask_cluster
+from mfopt.check import Checked, whole_runs
 from mfopt.commands.report import write_reports
 from mfopt.commands.shared import AsJson, Quiet, StudyFile, console
 from mfopt.commands.status import print_result
+from mfopt.commands.workers import new_runner, prepare_engines, started, workers_of
 from mfopt.errors import SimulationError
 from mfopt.executor import Runner
 from mfopt.files import full_disk_named
 from mfopt.header import header
-from mfopt.local_workers import local_processes
+from mfopt.memory import Memory
 from mfopt.search import Search, rungs, window
 from mfopt.store import RunDirectory, writing
 from mfopt.study import Study, read_study
@@ -46,21 +47,23 @@ def run(
     study, text = read_study(study_file)
     parts = assemble(study, where=str(study_file))
     _search(study, parts, parts.problem.baseline)  # refused here, before anything is written
-    workers = study.run.workers or len(os.sched_getaffinity(0))
-    address = study.run.scheduler
-    runner = Runner(dask_cluster(address) if address else local_processes(workers))
+    workers = workers_of(study)
+    runner = new_runner(study)
     path = directory or Path("runs") / study.study.name
     on = console(quiet=quiet or as_json)
     check_disk(path)
     with full_disk_named(path), writing(path):
+        prepare_engines(study, parts, on)
+        new = not os.path.lexists(path / "run.json")
+        checked = started(study, parts, runner) if new else None  # before anything is written
         into = begin(path, text, _header(study, parts, workers), resume=resume)
-        _prepare(study, parts, on)
         _begin_reference(into, parts, on)
         made, ended = into.made, into.end
         if into.kept:
             on.print(
                 f"{into.kept} runs made before are used wherever the study asks for them again"
             )
+        checked = checked or _checked_again(study, parts, runner, into)
         with _display(study, parts, on) as display:
             run_study(
                 parts.problem,
@@ -72,6 +75,7 @@ def run(
                 confirm_seeds=study.confirm.seeds,
                 objective=study.problem.objective,
                 objective_settings=study.problem.objective_settings,
+                checked=checked.evaluations,
                 starts=parts.starts,
                 finals=study.confirm.finals,
                 window=window(into.header["workers"]),
@@ -93,7 +97,7 @@ def _demand_result(run: RunDirectory, target: str) -> None:
     Raises:
         SimulationError: if none did; with the commonest reason.
     """
-    made = [e.outcome for e in run.evaluations()]
+    made = [e.outcome for e in run.evaluations() if e.candidate.purpose != "check"]
     there = [outcome for outcome in made if outcome.level == target]
     if any(outcome.finished for outcome in there):
         return
@@ -103,6 +107,17 @@ def _demand_result(run: RunDirectory, target: str) -> None:
         f"there is no result: none of {len(there)} runs at the target level {target!r} finished; "
         f"{sum(not outcome.finished for outcome in made)} of {len(made)} runs failed{often}"
     )
+
+
+def _checked_again(study: Study, parts: Assembled, runner: Runner, run: RunDirectory) -> Checked:
+    """Start every level, but for whole runs that are stored; none where the run has ended."""
+    recall, x = Memory(run).recall, parts.problem.baseline
+    if run.end is not None:
+        found = [recall(candidate) for candidate in whole_runs(parts.ladder, x)]
+        known = tuple(evaluation for evaluation in found if evaluation is not None)
+        if len(known) == len(found):
+            return Checked(known, {})
+    return started(study, parts, runner, recall)
 
 
 def _search(study: Study, parts: Assembled, start: Array) -> Search:
@@ -132,14 +147,6 @@ def _search(study: Study, parts: Assembled, start: Array) -> Search:
         exchange=its.exchange,
         start=start,
     )
-
-
-def _prepare(study: Study, parts: Assembled, on: Console) -> None:
-    """Compile what all workers here would else compile."""
-    if parts.uses_numba and study.run.scheduler is None:
-        from fidelity.numba_engine import prepare
-
-        prepare(lambda: on.print("compiling the grain engine, once: about 30 s"))
 
 
 def _begin_reference(run: RunDirectory, parts: Assembled, on: Console) -> None:

@@ -1,0 +1,133 @@
+"""Levels that cannot run stop a study before its budget is spent; where all failed it says so."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from mfopt.store import open_run
+
+STUDY = """
+[study]
+name = "own"
+[problem]
+objective = "returned"
+[[problem.variable]]
+name = "a"
+lower = 0.0
+upper = 1.0
+[[problem.variable]]
+name = "b"
+lower = 0.0
+upper = 1.0
+[[level]]
+name = "coarse"
+engine = "command"
+command = {coarse}
+work = 1
+[[level]]
+name = "fine"
+engine = "command"
+command = {fine}
+work = 10
+[search]
+budget = 6
+[confirm]
+seeds = 1
+[run]
+workers = 2
+"""
+SIMULATOR = """
+import json, sys
+asked = json.load(sys.stdin)
+x = asked["x"]
+open(sys.argv[1], "a").write(json.dumps([asked["level"], asked["seed"], x]) + "\\n")
+if eval(sys.argv[2]):
+    print("licence server does not answer", file=sys.stderr)
+    sys.exit(3)
+print(json.dumps({"f": (x["a"] - 0.3) ** 2 + x["b"] ** 2}))
+"""
+
+
+def study(folder: Path, *, coarse: str = "False", fine: str = "False") -> Path:
+    """A study whose levels fail where these expressions hold; each call is noted in `calls`."""
+    (folder / "simulator.py").write_text(SIMULATOR)
+    program, calls = str(folder / "simulator.py"), str(folder / "calls")
+    commands = {
+        name: json.dumps([sys.executable, program, calls, fails])
+        for name, fails in (("coarse", coarse), ("fine", fine))
+    }
+    path = folder / "study.toml"
+    path.write_text(STUDY.format(**commands))
+    return path
+
+
+def mfopt(*arguments: str | Path) -> "subprocess.CompletedProcess[str]":
+    command = [sys.executable, "-m", "mfopt", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def calls(folder: Path) -> list[tuple[str, int, dict[str, float]]]:
+    lines = (folder / "calls").read_text().splitlines()
+    return [tuple(json.loads(line)) for line in lines]
+
+
+@pytest.mark.parametrize("broken", ["coarse", "fine"])
+@pytest.mark.parametrize("command", ["run", "check"])
+def test_a_level_that_never_runs_stops_the_study_with_its_log(
+    command: str, broken: str, tmp_path: Path
+) -> None:
+    path, directory = study(tmp_path, **{broken: "True"}), tmp_path / "run"
+    options = ["-q", "-d", directory] if command == "run" else ["--dry-run"]
+    done = mfopt(command, path, *options)
+    assert done.returncode == 1
+    assert f"level '{broken}' cannot run: its first 3 runs" in done.stderr
+    assert done.stderr.endswith("licence server does not answer\n")
+    assert len(calls(tmp_path)) == 4  # three of the broken level, one of the other
+    assert not (directory / "run.json").exists()
+
+
+def test_a_dry_run_measures_and_writes_nothing(tmp_path: Path) -> None:
+    done = mfopt("check", study(tmp_path), "--dry-run")
+    assert done.returncode == 0, done.stderr
+    assert "every level runs" in done.stdout
+    assert "The study takes about" in done.stdout
+    assert sorted(level for level, _, _ in calls(tmp_path)) == ["coarse", "fine"]
+    assert {p.name for p in tmp_path.iterdir()} == {"study.toml", "simulator.py", "calls"}
+
+
+def test_what_the_check_ran_is_stored_and_not_run_again(tmp_path: Path) -> None:
+    directory = tmp_path / "run"
+    done = mfopt("run", study(tmp_path), "-q", "-d", directory)
+    assert done.returncode == 0, done.stderr
+    made = list(open_run(directory).evaluations())
+    assert [(e.candidate.level, e.candidate.purpose) for e in made[:2]] == [
+        ("coarse", "check"), ("fine", "check"),
+    ]  # fmt: skip
+    once = [(level, seed, tuple(x.values())) for level, seed, x in calls(tmp_path)]
+    assert len(once) == len(set(once))
+    again = [e for e in made if e.candidate.purpose == "search" and e.outcome.work == 0.0]
+    assert [(e.candidate.level, e.objective) for e in again] == [("coarse", made[0].objective)]
+    spent = sum(e.outcome.work for e in made if e.candidate.purpose in ("check", "search"))
+    assert spent <= 6 * 10.0
+
+
+def test_a_resumed_run_does_not_check_whole_runs_again(tmp_path: Path) -> None:
+    path, directory = study(tmp_path), tmp_path / "run"
+    assert mfopt("run", path, "-q", "-d", directory).returncode == 0
+    before = len(calls(tmp_path))
+    assert mfopt("run", path, "-q", "-d", directory, "--resume").returncode == 0
+    assert len(calls(tmp_path)) == before
+
+
+def test_a_run_without_a_finished_run_at_its_target_ends_with_the_commonest_reason(
+    tmp_path: Path,
+) -> None:
+    # The start finishes, so that the study is not stopped; nothing else does at the target.
+    path = study(tmp_path, fine='x != {"a": 0.5, "b": 0.5}')
+    done = mfopt("run", path, "-q", "-d", tmp_path / "run")
+    assert done.returncode == 1
+    assert "there is no result: none of" in done.stderr
+    assert done.stderr.endswith("licence server does not answer\n")
