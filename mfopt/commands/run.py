@@ -92,12 +92,13 @@ def run(
 
 
 def _demand_result(run: RunDirectory, target: str) -> None:
-    """Make sure that a run at the target level finished.
+    """Make sure that a run at the target level finished, other than of the baseline.
 
     Raises:
         SimulationError: if none did; with the commonest reason.
     """
-    made = [e.outcome for e in run.evaluations() if e.candidate.purpose != "check"]
+    known = ("check", "confirm baseline", "reference baseline")
+    made = [e.outcome for e in run.evaluations() if e.candidate.purpose not in known]
     there = [outcome for outcome in made if outcome.level == target]
     if any(outcome.finished for outcome in there):
         return
