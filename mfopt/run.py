@@ -45,6 +45,7 @@ class Progress:
 
 Watch = Callable[[Progress], None]
 Run = tuple[str, int, bytes]  # level, seed and design: what a run gives depends on nothing else
+SAME_DESIGN = 12  # decimals in the unit cube
 MakeSearch = Callable[[Array], Search]  # the search that starts from a design (d,)
 
 
@@ -52,6 +53,7 @@ MakeSearch = Callable[[Array], Search]  # the search that starts from a design (
 class _Loop:
     """What every phase needs to have its candidates evaluated."""
 
+    problem: Problem
     memory: Memory
     runner: Runner
     settings: ObjectiveSettings
@@ -62,7 +64,10 @@ class _Loop:
     def known(self, candidate: Candidate, objective: Objective) -> Evaluation | None:
         """The evaluation of a candidate that need not be run: stored, or run by the check."""
         found = self.memory.recall(candidate)
-        if found is None and (outcome := self.checked.get(_run_of(candidate))) is not None:
+        if (
+            found is None
+            and (outcome := self.checked.get(_run_of(self.problem, candidate))) is not None
+        ):
             free = replace(outcome, work=0.0, cpu_s=0.0)  # the check has it
             found = Evaluation(candidate, *judged(objective, free))
             self.memory.run.add_evaluation(found)
@@ -129,15 +134,15 @@ def run_study(
     Returns:
         An evaluation of the best design, at the highest level that has one.
     """
-    at_check = {_run_of(e.candidate): e.outcome for e in checked}
-    loop = _Loop(Memory(run), runner, objective_settings, window, watch, at_check)
+    at_check = {_run_of(problem, e.candidate): e.outcome for e in checked}
+    loop = _Loop(problem, Memory(run), runner, objective_settings, window, watch, at_check)
     try:
         loop.keep(checked)
         first = [] if starts is None else starts.candidates(len(checked))
         before = [*checked, *loop.evaluate(first, ladder, objective)]
         start = next(iter(by_mean(before[len(checked) :])), None)
         search = make_search(problem.baseline if start is None else start)
-        told = list({_run_of(e.candidate): e for e in before}.values())
+        told = list({_run_of(problem, e.candidate): e for e in before}.values())
         if told:
             search.tell(
                 [e.candidate for e in told],
@@ -234,8 +239,10 @@ def _tell_apart(
     return made, rivals[0] if rivals else None
 
 
-def _run_of(candidate: Candidate) -> Run:
-    return candidate.level, candidate.seed, candidate.x.tobytes()
+def _run_of(problem: Problem, candidate: Candidate) -> Run:
+    """What a run depends on; designs that differ by rounding are the same."""
+    z = np.round(problem.to_z(candidate.x), SAME_DESIGN) + 0.0  # no -0.0
+    return candidate.level, candidate.seed, z.tobytes()
 
 
 def best_of(
