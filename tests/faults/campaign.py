@@ -52,7 +52,7 @@ seeds = 1
 workers = 2
 """
 
-TIME_LIMIT_S = 300.0  # of one mfopt; it takes a few seconds where nobody else needs the machine
+TIME_LIMIT_S = 900.0  # of one mfopt; it takes a few seconds where nobody else needs the machine
 GRACE_S = 20.0  # for the kernel and the keepers to end what was left
 
 End = list[object]  # all that a run directory holds and that must repeat, bit for bit
@@ -130,7 +130,7 @@ class Campaign:
 
     def leftovers(self) -> list[str]:
         """Temporary files and folders of mfopt that nobody needs once it has ended."""
-        found = list(self.temporary.glob("mfopt*"))
+        found = [p for p in self.temporary.glob("mfopt*") if not p.name.startswith("mfopt-cache")]
         if self.directory.exists():
             found += [p for p in self.directory.rglob(".*") if re.search(r"\.\d+$", p.name)]
         return sorted(str(path.relative_to(self.folder)) for path in found)

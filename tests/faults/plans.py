@@ -55,16 +55,12 @@ def _killed(number: int) -> str:
 def _writes(folder: Path, seed: int, numbers: Sequence[int] | None, jobs: int) -> Iterator[Trial]:
     its = undisturbed(folder / "undisturbed", writes.STUDY)
     cases = writes.cases(folder / "cases", its.study)
-    if numbers is None:
-        chosen: Iterable[int] = range(len(cases))
-    else:  # spread over all
-        choose = random.Random(f"writes {seed}")
-        chosen = sorted(choose.sample(range(len(cases)), min(len(cases), len(numbers))))
+    random.Random(f"writes {seed}").shuffle(cases)  # so that the first few are of every kind
 
     def one(number: int) -> Trial:
-        return writes.trial(folder / str(number), its.study, its.end, cases[number])
+        return writes.trial(folder / str(number), its.study, its.end, cases[number], number)
 
-    return _in_parallel(one, chosen, jobs)
+    return _in_parallel(one, range(len(cases)) if numbers is None else numbers, jobs)
 
 
 def _stores(folder: Path, seed: int, numbers: Sequence[int] | None, jobs: int) -> Iterator[Trial]:

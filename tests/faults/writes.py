@@ -38,17 +38,17 @@ def cases(folder: Path, study: str) -> list[Case]:
     return found
 
 
-def trial(folder: Path, study: str, wanted: End, case: Case) -> Trial:
+def trial(folder: Path, study: str, wanted: End, case: Case, number: int) -> Trial:
     """Let one write fail; then the run must resume to the undisturbed end."""
-    role, number, error = case
+    role, _, error = case
     campaign, told = new_campaign(folder, study), folder / "told"
     ended = _run(campaign, case, told)
     failed = told.read_text().strip() if told.exists() else "nothing"
     loss = _loss(campaign, complaint(ended, codes=(0, 1, 2)), ended.returncode, wanted)
+    name = f"write of {role}: {errno.errorcode[error]}" if told.exists() else "write not made"
     if loss is None:
         shutil.rmtree(folder)
-    name = f"write of {role}: {errno.errorcode[error]}"
-    return Trial(name, f"write {number}, {failed}", loss)
+    return Trial(name, f"{failed}, write {case[1]} (number {number})", loss)
 
 
 def _loss(campaign: Campaign, wrong: str | None, code: int, wanted: End) -> str | None:
