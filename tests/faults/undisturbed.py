@@ -11,7 +11,7 @@ from faults.stores import Base
 
 ROOT = Path(__file__).parents[2]
 
-# Grains that move, by an engine outside of mfopt, for kills.
+# Grains that move, by an engine outside of mfopt, for kills; only few runs, as each takes a second.
 YADE = """
 [study]
 name = "small"
@@ -19,6 +19,7 @@ seed = 3
 [problem]
 scene = "dosing"
 objective = "dispersion"
+dosing.free = { l1 = [80, 180], w1 = [60, 140], s1 = [-40, 40] }
 [[level]]
 name = "reduced"
 engine = "reduced"
@@ -36,14 +37,14 @@ level = "reduced"
 generations = 2
 [[search.stage]]
 level = "dem-40"
-generations = 2
+generations = 1
 [confirm]
 seeds = 1
 [run]
 workers = 2
 """
 
-# A surrogate over two levels that take milliseconds, for damaged stores.
+# A surrogate over a level that takes milliseconds, for damaged stores.
 ASSISTED = """
 [study]
 name = "small"
@@ -51,13 +52,8 @@ name = "small"
 scene = "dosing"
 objective = "dispersion"
 [[level]]
-name = "few"
+name = "reduced"
 engine = "reduced"
-grains = 50
-[[level]]
-name = "many"
-engine = "reduced"
-grains = 300
 [search]
 budget = 12
 population_size = 6
@@ -68,9 +64,10 @@ workers = 1
 """
 
 
-# The same over moving grains, for kills: results are told in the order asked.
+# The same with moving grains above, for kills.
 GRAINS = ASSISTED.replace(
-    'engine = "reduced"\ngrains = 300', 'engine = "numba"\ngrains = 40\nspheres_per_grain = 1'
+    "[search]",
+    '[[level]]\nname = "grains"\nengine = "numba"\ngrains = 300\nspheres_per_grain = 1\n[search]',
 ).replace("workers = 1", "workers = 2")
 
 

@@ -21,7 +21,6 @@ spheres_per_grain = 1
 [search]
 method = "cma-es"
 population_size = 4
-seeds = 2
 [[search.stage]]
 level = "reduced"
 generations = 3
