@@ -27,6 +27,7 @@ from mfopt.settings import Settings, checked
 from mfopt.study import ProblemSettings, Study
 from mfopt.swap import check_pair
 
+START_SEEDS = 3  # on which simple motions are compared, if the search has so many
 SNAPSHOTS = 4  # moments of the best run that the report shows
 
 Precision = Literal["double", "longdouble", "float128"]
@@ -132,7 +133,7 @@ def _starts(
     if len(designs) == 1:
         return None
     with_grains = [level.name for level in ladder if isinstance(level, DosingLevel)]
-    return Starts(designs, (with_grains or ladder.names)[0], seeds)
+    return Starts(designs, (with_grains or ladder.names)[0], min(seeds, START_SEEDS))
 
 
 def _check_exchange(study: Study, problem: Problem, where: str) -> None:

@@ -202,17 +202,14 @@ class AssistedCmaEs:
     def finalists(self, n: int) -> list[Array]:
         """Up to `n` different designs (d,) that may be the best, the recommended one first.
 
-        The others are runs of the finest level that has any, those of the lowest values first.
+        The others are those that the surrogate predicts to be best at the target level, doubt
+        counted against them.
         """
         best = self.recommended()
-        if best is None:
-            return []
-        finished = self._archive.value < np.inf
-        finest = int(self._archive.level[finished].max())
-        rows = self._archive.finished_at(finest)
-        rows = rows[np.argsort(self._archive.value[rows], kind="stable")]
-        others = [frozen(self._problem.to_x(z)) for z in self._archive.z[rows]]
-        return distinct([best, *others])[:n]
+        if best is None or self._belief is None:
+            return [] if best is None else [best]
+        others = self._belief.ranked(len(self._rungs) - 1)[:n]
+        return distinct([best, *(frozen(self._problem.to_x(z)) for z in others)])[:n]
 
     def _index(self, level: str) -> int:
         return [rung.level for rung in self._rungs].index(level)

@@ -63,6 +63,11 @@ class Belief:
         doubt = np.sqrt(np.where(near == len(self.z), settled, variance))
         return np.asarray(z[near[np.argmin(mean + doubt)]])
 
+    def ranked(self, level: int) -> Array:
+        """The designs (n, d) by their predicted value at a level, doubt counted against them."""
+        mean, variance = self.posterior.latent(self.u, level)
+        return np.asarray(self.z[np.argsort(mean + np.sqrt(variance), kind="stable")])
+
 
 def learn(
     archive: Archive,

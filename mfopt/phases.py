@@ -28,7 +28,7 @@ class Starts:
     seeds: int = 1
 
     def candidates(self, first_index: int) -> list[Candidate]:
-        """Each design on each of the first seeds, which the search uses too."""
+        """Each design on the first seeds, which the search uses too."""
         return _on_seeds(list(self.designs.values()), self.level, 1, self.seeds, first_index)
 
 
