@@ -23,7 +23,7 @@ from mfopt.evaluation import Candidate, Generation, Insight
 from mfopt.noise_share import NoiseShare, belief, believed_values
 from mfopt.phases import distinct
 from mfopt.problem import Problem
-from mfopt.pycma import strategy, tell
+from mfopt.pycma import mean_of, strategy, tell
 from mfopt.reevaluation import EliteDoubt, NoReplicates, Reevaluation, UncertaintyHandling
 from mfopt.search import MOST_SEED, Stage, usable
 from mfopt.swap import Pair, Watch
@@ -150,12 +150,15 @@ class CmaEs:
     def finalists(self, n: int) -> list[Array]:
         """Up to `n` different designs (d,) that may be the best, the recommended one first.
 
-        The others are those of the lowest values at the present stage.
+        The second is the mean of the distribution, which averages noise away; the others are those
+        of the lowest values at the present stage.
         """
         if self._best_x is None:
             return []
+        centre = frozen(self._problem.to_x(mean_of(self._es)))
+        means = [centre] if self._problem.impossible(centre) is None else []
         ranked = sorted(self._in_stage, key=lambda its: its[0])
-        return distinct([self._best_x, *(x for _, x in ranked)])[:n]
+        return distinct([self._best_x, *means, *(x for _, x in ranked)])[:n]
 
     @property
     def insight(self) -> Insight | None:

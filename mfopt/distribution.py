@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from mfopt.arrays import Array
-from mfopt.pycma import strategy, tell
+from mfopt.pycma import mean_of, strategy, tell
 
 TRIES = 3  # to draw inside the cube
 
@@ -36,8 +36,7 @@ class Distribution:
     @property
     def mean(self) -> Array:
         """Mean (d,), moved into the cube."""
-        es = self._es
-        return np.asarray(es.gp.pheno(es.mean, into_bounds=es.boundary_handler.repair))
+        return mean_of(self._es)
 
     @property
     def sigma(self) -> float:

@@ -37,6 +37,11 @@ def strategy(
     return es
 
 
+def mean_of(es: Any) -> Array:
+    """Mean (d,) of the distribution, moved into the cube."""
+    return np.asarray(es.gp.pheno(es.mean, into_bounds=es.boundary_handler.repair))
+
+
 def tell(es: Any, z: Sequence[Array], losses: Sequence[float]) -> None:
     """Tell losses of points of the cube; pycma warns of flat and of injected ones."""
     with warnings.catch_warnings():
