@@ -3,13 +3,14 @@
 import logging
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from mfopt.arrays import frozen
 from mfopt.assisted import AssistedCmaEs
-from mfopt.begin import begin
+from mfopt.begin import begin, budgets
 from mfopt.checks import shown, whole
 from mfopt.cmaes import CmaEs
 from mfopt.errors import ConfigError
@@ -81,8 +82,8 @@ def minimize(
         constraint: returns why a design is impossible, or None; such a design is never run.
         seed: of the search.
         workers: processes; with 1 the functions run here and need not be picklable.
-        directory: keeps the run; given again, the run goes on from it. Whether the functions are
-            still the same cannot be seen.
+        directory: keeps the run; given again, the run goes on from it, also with a larger budget
+            or more generations. Whether the functions are still the same cannot be seen.
 
     Returns:
         The design that the search recommends, with the estimate of its value at the last level.
@@ -95,53 +96,76 @@ def minimize(
     ladder = Ladder(_as_levels(levels, costs))
     problem = _problem(bounds, start, constraint)
     costs_of_runs = rungs(ladder, problem.baseline)
-    search: Search
+    _check_way(surrogate, budget, generations, reevaluate)
+    plan: list[Stage] = []
     if surrogate is None:
-        if budget is not None:
-            raise ConfigError(
-                f"budget = {shown(budget)} needs a surrogate; give one, or generations in its place"
-            )
-        size = default_population_size(problem.dimension)
-        size = size if population_size is None else population_size
-        plan = _plan(ladder, generations, size, sigma, seeds, reevaluate)
-        search, target = CmaEs(problem, plan, seed=seed), plan[-1].level
-    else:
-        if reevaluate != "none":
-            raise ConfigError(
-                f"reevaluate = {shown(reevaluate)} is for the search without a surrogate; "
-                "leave one out"
-            )
-        if budget is None or generations is not None:
-            raise ConfigError(
-                "a surrogate needs a budget, in runs of the last level, and no generations: it "
-                "changes the level by itself"
-            )
-        search, target = AssistedCmaEs(
-            problem, costs_of_runs, surrogate, budget=budget, seed=seed, sigma=sigma,
+        plan = _plan(problem, ladder, generations, population_size, sigma, seeds, reevaluate)
+
+    def search_within(budgets: Sequence[Any]) -> Search:
+        if surrogate is None:
+            return CmaEs(problem, plan, seed=seed)
+        return AssistedCmaEs(
+            problem, costs_of_runs, surrogate, budget=budgets, seed=seed, sigma=sigma,
             population_size=population_size, seeds=seeds,
-        ), ladder.top.name  # fmt: skip
+        )  # fmt: skip
+
+    search_within([budget])  # names wrong arguments before anything is written
+    settings = {
+        "population_size": None if population_size is None else int(population_size),
+        "sigma": float(sigma), "seeds": int(seeds),
+        "budget": None if budget is None else float(budget),
+        "generations": {stage.level: int(stage.generations) for stage in plan},
+        "reevaluate": reevaluate, "surrogate": surrogate and type(surrogate).__name__,
+    }  # fmt: skip
     runner = Runner(local_processes(workers) if workers > 1 else one_thread)
     if workers > 1:
         runner.check(ladder)
     with scratch() as folder:
         path = folder / "run" if directory is None else _path(directory)
         with writing(path):
-            now = header(
-                problem, ladder, name=path.name, seed=seed, objective="returned",
+            run = begin(path, "", header(
+                problem, ladder, name=path.name, seed=int(seed), objective="returned",
                 method="cma-es" if surrogate is None else "assisted", workers=workers,
-            )  # fmt: skip
-            run = begin(path, "", now, resume=True)
-            if stored := len(run):
+                settings={"search": settings},
+            ), resume=True)  # fmt: skip
+            if before := run.made:
                 log.warning(
                     "%d runs stored in %s are used; if a function has changed since, which cannot "
-                    "be seen, give another directory", stored, path,
+                    "be seen, give another directory", before, path,
                 )  # fmt: skip
+            search = search_within(budgets(run.header))
             best = run_study(
                 problem, ladder, lambda _: search, runner, run, confirm_on=ladder, confirm_seeds=0,
                 window=window(run.header["workers"]),
             )  # fmt: skip
             evaluations = tuple(run.evaluations())
+            stored = len(evaluations) - (run.made - before)
+    target = plan[-1].level if plan else ladder.top.name
     return minimum(problem, search, best, evaluations, target=target, stored=stored)
+
+
+def _check_way(
+    surrogate: Surrogate | None,
+    budget: float | None,
+    generations: Mapping[str, int] | int | None,
+    reevaluate: Reevaluate,
+) -> None:
+    """Make sure that what is given belongs to one way of searching."""
+    if surrogate is None:
+        if budget is not None:
+            raise ConfigError(
+                f"budget = {shown(budget)} needs a surrogate; give one, or generations in its place"
+            )
+        return
+    if reevaluate != "none":
+        raise ConfigError(
+            f"reevaluate = {shown(reevaluate)} is for the search without a surrogate; leave one out"
+        )
+    if budget is None or generations is not None:
+        raise ConfigError(
+            "a surrogate needs a budget, in runs of the last level, and no generations: it "
+            "changes the level by itself"
+        )
 
 
 def _problem(
@@ -184,14 +208,17 @@ def _path(directory: Path | str) -> Path:
 
 
 def _plan(
+    problem: Problem,
     ladder: Ladder,
     generations: Mapping[str, int] | int | None,
-    population_size: int,
+    population_size: int | None,
     sigma: float,
     seeds: int,
     reevaluate: Reevaluate,
 ) -> list[Stage]:
     """The stages of the planned search."""
+    if population_size is None:
+        population_size = default_population_size(problem.dimension)
     same = GENERATIONS if generations is None else generations
     plan = same if isinstance(same, Mapping) else dict.fromkeys(ladder.names, same)
     if not plan:

@@ -65,7 +65,8 @@ class AssistedCmaEs:
         problem: what to minimise over.
         rungs: the levels, coarse to fine.
         surrogate: learns from all runs.
-        budget: cost that may be spent.
+        budget: cost that may be spent; of several it takes the next, larger one where one is spent,
+            so that a search goes on just as it would have ended.
         seed: of all random draws.
         sigma: first step size in the unit cube.
         population_size: candidates per generation; 4 + 3 ln d if left out.
@@ -86,7 +87,7 @@ class AssistedCmaEs:
         rungs: Sequence[Rung],
         surrogate: Surrogate,
         *,
-        budget: float,
+        budget: float | Sequence[float],
         seed: int,
         sigma: float = 0.2,
         population_size: int | None = None,
@@ -97,7 +98,7 @@ class AssistedCmaEs:
         exchange: Pair | None = None,
     ) -> None:
         check_rungs(rungs)
-        budget = affordable(budget, rungs)
+        budgets = affordable(budget, rungs)
         check_surrogate(surrogate)
         check_sigma(sigma)
         self._size = default_population_size(problem.dimension)
@@ -106,7 +107,8 @@ class AssistedCmaEs:
         seeds, seed = whole("seeds", seeds, 1, MOST_SEEDS), whole("seed", seed, 0, MOST_SEED)
         self._exchange = Exchange(problem, exchange)
         self._problem, self._rungs, self._surrogate = problem, tuple(rungs), surrogate
-        self._plan = Plan([rung.cost for rung in rungs], budget)
+        self._plan = Plan([rung.cost for rung in rungs], budgets[0])
+        self._later_budgets = list(budgets[1:])
         self._sigma = sigma
         self._objective, self._seeds, self._first_seed = objective, seeds, first_seed
         self._rng = np.random.default_rng(seed)
@@ -288,8 +290,13 @@ class AssistedCmaEs:
         for z in (self._start,) if best is None else (best, self._start):
             if not self._asked(z, target) and self._plan.left_after(target) >= 0.0:
                 self._plan.add(z, target)
-        if not self._plan:
+        if self._plan:
+            return
+        if not self._later_budgets:
             self._stop = "the budget is spent"
+            return
+        self._plan.budget = self._later_budgets.pop(0)
+        self._open_generation()
 
     def _plan_repeat(self) -> None:
         """Once a level, run a design again on a seed of its own: then we know whether runs scatter.

@@ -197,20 +197,25 @@ def check_rungs(rungs: Sequence[Rung]) -> None:
             )
 
 
-def affordable(budget: float, rungs: Sequence[Rung]) -> float:
-    """The budget as a number that affords a run at the target.
+def affordable(budget: float | Sequence[float], rungs: Sequence[Rung]) -> tuple[float, ...]:
+    """The budget, or the budgets one after the other, that afford a run at the target.
 
     Raises:
-        ConfigError: if it does not.
+        ConfigError: if the first affords none, or one is not larger than the one before it.
     """
+    several = isinstance(budget, Sequence) and not isinstance(budget, str)
+    given: Sequence[float] = budget if several else [budget]  # type: ignore[assignment, list-item]
     target = rungs[-1]
-    budget = number("budget", budget, highest=MOST_BUDGET * target.cost)
-    if budget < target.cost:
+    budgets = tuple(number("budget", its, highest=MOST_BUDGET * target.cost) for its in given)
+    if not budgets or budgets[0] < target.cost:
         raise ConfigError(
-            f"budget = {budget:g} is below the cost of one run at {target.level!r}, "
+            f"budget = {shown(budget)} is below the cost of one run at {target.level!r}, "
             f"{target.cost:g}; raise it"
         )
-    return budget
+    for before, after in pairwise(budgets):
+        if after <= before:
+            raise ConfigError(f"budget = {after:g} must be above {before:g}, the one before it")
+    return budgets
 
 
 def usable(value: float) -> float:

@@ -248,3 +248,56 @@ def test_a_broken_level_is_left_and_the_target_is_searched() -> None:
     )  # fmt: skip
     assert sum(e.candidate.level == "c" for e in best.evaluations) < 20
     assert best.f < 0.01
+
+
+def test_a_larger_budget_goes_on_from_what_is_there(tmp_path: Path) -> None:
+    calls = 0
+
+    def counted(x: Array, seed: int) -> float:
+        nonlocal calls
+        calls += 1
+        return shifted_sphere(x, seed)
+
+    def spend(budget: float) -> mfopt.Minimum:
+        return mfopt.minimize(
+            {"f": counted}, BOUNDS, surrogate=AutoregressiveGp(), budget=budget,
+            directory=tmp_path / "run", sigma=np.float32(0.2),
+        )  # fmt: skip
+
+    first = [tuple(e.candidate.x) for e in spend(12).evaluations]
+    second = spend(18)
+    assert calls == len(second.evaluations) == 18
+    assert [tuple(e.candidate.x) for e in second.evaluations][:12] == first
+    assert second.stored == 12
+    assert spend(18).stored == 18
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"bounds": {"a": (0, 1), "b": (-2, 3)}},
+        {"bounds": {"a": (0, 1), "c": (-2, 2)}},
+        {"levels": {"g": shifted_sphere}},
+        {"seed": 2},
+        {"sigma": 0.3},
+        {"generations": 1},
+    ],
+)
+def test_a_directory_of_another_run_is_refused_and_what_differs_is_named(
+    change: dict[str, object], tmp_path: Path
+) -> None:
+    arguments: dict[str, object] = {
+        "levels": {"f": shifted_sphere}, "bounds": BOUNDS, "generations": 2, "directory": tmp_path,
+    }  # fmt: skip
+    mfopt.minimize(**arguments)  # type: ignore[arg-type]
+    (name,) = change
+    with pytest.raises(mfopt.ConfigError, match="holds another run than the one given: ") as told:
+        mfopt.minimize(**arguments | change)  # type: ignore[arg-type]
+    assert {"bounds": "variables"}.get(name, name) in str(told.value)
+
+
+def test_other_costs_are_refused(tmp_path: Path) -> None:
+    mfopt.minimize(**ASSISTED | {"directory": tmp_path, "budget": 1})  # type: ignore[arg-type]
+    costs = {"coarse": 2, "fine": 20}
+    with pytest.raises(mfopt.ConfigError, match=r"levels.*work"):
+        mfopt.minimize(**ASSISTED | {"directory": tmp_path, "budget": 1, "costs": costs})  # type: ignore[arg-type]

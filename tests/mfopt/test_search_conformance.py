@@ -149,3 +149,22 @@ def test_designs_at_the_bounds_stay_inside_bit_for_bit(make: Make) -> None:
     best = search.recommended()
     assert best is not None
     assert (best <= its.upper).all()
+
+
+@SEARCHES
+@pytest.mark.parametrize(
+    "odd", [[1e200], [-1e200, np.nan], [1.7e308, -1.7e308], [5e-324, 0.0], [1e30, -np.inf]]
+)
+def test_values_of_any_magnitude_stop_nothing(make: Make, odd: list[float]) -> None:
+    search = make(problem())
+    count = 0
+    while search.should_stop() is None:
+        candidates = search.ask()
+        values = []
+        for c in candidates:
+            count += 1
+            values.append(odd[count % len(odd)] if count % 3 == 0 else value(c.x, c.level))
+        search.tell(candidates, values)
+        if search.insight is not None:
+            assert np.isfinite([search.insight.mean, search.insight.deviation]).all()
+    assert search.recommended() is not None

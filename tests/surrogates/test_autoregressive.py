@@ -44,6 +44,38 @@ def test_five_runs_of_a_finer_level_correct_most_of_the_coarse_one(seed: int) ->
 
 
 @pytest.mark.parametrize("make", SURROGATES)
+@pytest.mark.parametrize(
+    "odd",
+    [[1e200], [-1e200], [1.7e308, -1.7e308], [5e-324, 0.0], [1e30] * 20, [0.0] * 40, [1e200] * 40],
+)
+def test_values_of_any_magnitude_give_finite_beliefs(
+    make: Callable[[], Surrogate], odd: list[float]
+) -> None:
+    rng = np.random.default_rng(3)
+    z = rng.standard_normal((40, 3))
+    value = sphere(z)
+    value[rng.permutation(40)[: len(odd)]] = odd
+    posterior = make().fit(runs(z, value, np.repeat([0, 1], [30, 10])))
+    for level in (0, 1):
+        for part in (posterior.predict(z, level), posterior.latent(z, level)):
+            assert np.isfinite(part).all()
+        assert np.isfinite(posterior.sample(z, level, 50, rng)).all()
+        assert np.isfinite(minimiser(posterior, level, z, radius=3.0)).all()
+
+
+@pytest.mark.parametrize("make", SURROGATES)
+@pytest.mark.parametrize("unit", [1e-12, 1e-60, 1e30])
+def test_the_unit_of_the_objective_changes_nothing(
+    make: Callable[[], Surrogate], unit: float
+) -> None:
+    z = np.random.default_rng(4).standard_normal((30, 3))
+    values = (sphere(z) - 2.0, unit * (sphere(z) - 2.0))
+    (mean, variance), (scaled, wider) = (make().fit(runs(z, v)).predict(0.5 * z, 0) for v in values)
+    np.testing.assert_allclose(scaled / unit, mean, rtol=1e-3, atol=1e-3)
+    np.testing.assert_allclose(np.sqrt(wider) / unit, np.sqrt(variance), rtol=0.1, atol=1e-3)
+
+
+@pytest.mark.parametrize("make", SURROGATES)
 def test_surrogate_protocol(make: Callable[[], Surrogate]) -> None:
     observations, z = mixed(), np.random.default_rng(10).standard_normal((7, 4))
     posterior: Posterior = make().fit(observations)
