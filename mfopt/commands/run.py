@@ -2,6 +2,7 @@
 
 import os
 from collections import Counter
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -64,7 +65,7 @@ def run(
                 f"{into.kept} runs made before are used wherever the study asks for them again"
             )
         checked = checked or _checked_again(study, parts, runner, into)
-        with _display(study, parts, on) as display:
+        with _display(study, parts, workers, checked.seconds_per_work, on) as display:
             run_study(
                 parts.problem,
                 parts.ladder,
@@ -157,21 +158,31 @@ def _begin_reference(run: RunDirectory, parts: Assembled, on: Console) -> None:
         on.print(why)
 
 
-def _display(study: Study, parts: Assembled, on: Console) -> "ProgressDisplay":
+def _display(
+    study: Study,
+    parts: Assembled,
+    workers: int,
+    seconds_per_work: Mapping[str, float],
+    on: Console,
+) -> "ProgressDisplay":
     """The progress, with the work of the confirmation planned."""
     from mfopt.progress import ProgressDisplay
 
     at_top = parts.ladder.top.name
     work = {level.name: level.work(parts.problem.baseline) for level in parts.all_levels}
     after = study.confirm.runs(starts=parts.starts is not None)
-    once_more = 0.0 if parts.reference_level is None else work[parts.reference_level.name]
+    left = {at_top: after * work[at_top]}
+    if parts.reference_level is not None:
+        left[parts.reference_level.name] = 2 * work[parts.reference_level.name]
     return ProgressDisplay(
         on,
         work=work,
         full_run=work[at_top],
         unit=parts.problem.objective_unit,
-        confirm_work=after * work[at_top] + 2 * once_more,
+        after=left,
         budget=None if study.search.budget is None else study.search.budget * work[at_top],
+        workers=workers,
+        seconds_per_work=seconds_per_work,
     )
 
 

@@ -5,24 +5,29 @@ import re
 from typing import Any
 
 import numpy as np
+import pytest
 from rich.console import Console
 
 from mfopt.evaluation import Candidate, Evaluation, Insight, Purpose
 from mfopt.outcome import Outcome
-from mfopt.progress import ProgressDisplay
+from mfopt.progress import ProgressDisplay, fitted
 from mfopt.run import Progress
 
 WORK = {"fine": 10.0, "fine-yade": 300.0}
 
 
 def shown(
-    *runs: tuple[str, int, Purpose], left: int = 0, insight: Insight | None = None, **given: Any
+    *runs: tuple[str, int, Purpose],
+    left: int = 0,
+    insight: Insight | None = None,
+    unit: str = "s",
+    terminal: bool = False,
+    **given: Any,
 ) -> list[str]:
     """What is printed for runs of a level, a generation and a purpose."""
-    console = Console(file=io.StringIO(), width=200)
-    display = ProgressDisplay(
-        console, work=WORK, full_run=10.0, unit="s", confirm_work=620.0, **given
-    )
+    console = Console(file=io.StringIO(), width=80, force_terminal=terminal, color_system=None)
+    after = {"fine": 20.0, "fine-yade": 600.0}
+    display = ProgressDisplay(console, work=WORK, full_run=10.0, unit=unit, after=after, **given)
     x = np.zeros(1)
     with display:
         for level, generation, purpose in runs:
@@ -71,9 +76,34 @@ def test_a_budget_fixes_the_total_and_the_prediction_is_the_best() -> None:
         ("fine", 1, "search"), ("fine", 2, "search"), ("fine", 0, "confirm best"),
         left=17, budget=20.0, insight=its,
     )  # fmt: skip
-    assert [line.split("  ")[1] for line in lines] == [
-        "best 0.4 \u00b1 0.02 s (estimated for fine)"
-    ] * 3
+    assert [line.split("  ")[1] for line in lines] == ["best 0.4 (0.38 to 0.42) s"] * 3
     assert [line.split("  ")[2] for line in lines] == [
         "work 1.0 of 64.0 full runs", "work 2.0 of 64.0 full runs", "work 3.0 of 64.0 full runs",
     ]  # fmt: skip
+
+
+def test_where_runs_do_not_scatter_no_interval_is_shown() -> None:
+    its = Insight(1, 0.9, 4, "fine", (0.0,), 0.4, 0.0)
+    (line,) = shown(("fine", 1, "search"), insight=its)
+    assert "best 0.4 s  " in line
+
+
+@pytest.mark.parametrize("unit", ["s", "[/]", "$\\foo$", "x" * 100])
+@pytest.mark.parametrize("terminal", [False, True])
+def test_any_unit_is_text_and_a_line_fits_the_smallest_terminal(unit: str, terminal: bool) -> None:
+    its = Insight(1, 0.9, 4, "fine", (0.0,), -1.2345e-300, 1.7e308)
+    lines = shown(
+        ("fine", 123456, "search"), ("fine", 0, "confirm best"), left=10**300, insight=its,
+        unit=unit, terminal=terminal,
+    )  # fmt: skip
+    text = re.sub(r"\x1b\[[0-9?;]*[A-Za-z]", "", "\n".join(lines))
+    assert all(len(line) <= 80 for line in text.replace("\r", "\n").split("\n"))
+    assert "generation 123456" in text or terminal  # a bar shows what came last
+
+
+def test_what_matters_least_is_left_out_first() -> None:
+    parts = ["generation 3 on fine", "best 0.4 s", "work 1 of 9 full runs", "about 8 min to go"]
+    assert fitted(parts, 80) == "  ".join(parts)
+    assert fitted(parts, 60) == "generation 3 on fine  best 0.4 s  about 8 min to go"
+    assert fitted(parts, 40) == "generation 3 on fine  about 8 min to go"
+    assert fitted(parts, 25) == "gener\u2026  about 8 min to go"
