@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from numpy.typing import ArrayLike
 from mfopt.arrays import frozen
 from mfopt.assisted import AssistedCmaEs
 from mfopt.begin import begin, budgets
+from mfopt.check import check_levels
 from mfopt.checks import shown, whole
 from mfopt.cmaes import CmaEs
 from mfopt.errors import ConfigError
@@ -19,7 +21,9 @@ from mfopt.function_level import FunctionLevel, Simulator
 from mfopt.header import header
 from mfopt.level import Ladder, Level
 from mfopt.local_workers import local_processes
+from mfopt.memory import Memory
 from mfopt.minimum import Minimum, minimum
+from mfopt.objective import judged, objective_named
 from mfopt.problem import Constraint, Problem, Variable
 from mfopt.run import run_study
 from mfopt.scratch import scratch
@@ -65,6 +69,9 @@ def minimize(
     only what the surrogate cannot predict, and changes the level by itself; without, it is
     CMA-ES with planned generations per level.
 
+    Every level is run once at the start before anything else. The search learns from these runs,
+    and they count in its budget.
+
     Args:
         levels: functions by name, `function(x, seed) -> float`, or `Level`s; cheapest first.
         bounds: lower and upper bound of each variable by name.
@@ -90,7 +97,7 @@ def minimize(
 
     Raises:
         ConfigError: if an argument is wrong, or `directory` holds another run.
-        MfoptError: if no run at the last level finished.
+        MfoptError: if the first three runs of a level fail, or no run at the last level finished.
     """
     workers = whole("workers", workers, 1, MOST_WORKERS)
     ladder = Ladder(_as_levels(levels, costs))
@@ -133,10 +140,14 @@ def minimize(
                     "%d runs stored in %s are used; if a function has changed since, which cannot "
                     "be seen, give another directory", before, path,
                 )  # fmt: skip
+            checked = check_levels(
+                ladder, problem.baseline, runner, partial(judged, objective_named("returned")),
+                recall=Memory(run).recall,
+            )  # fmt: skip
             search = search_within(budgets(run.header))
             best = run_study(
                 problem, ladder, lambda _: search, runner, run, confirm_on=ladder, confirm_seeds=0,
-                window=window(run.header["workers"]),
+                checked=checked.evaluations, window=window(run.header["workers"]),
             )  # fmt: skip
             evaluations = tuple(run.evaluations())
             stored = len(evaluations) - (run.made - before)

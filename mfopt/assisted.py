@@ -114,9 +114,6 @@ class AssistedCmaEs:
         self._rng = np.random.default_rng(seed)
         self._start = problem.start(problem.baseline if start is None else start)
         self._archive = Archive.empty(problem.dimension)
-        # Runs (level, seed, z) that were told of before the search asked for any: one that it asks
-        # for too is the same run, and counts once.
-        self._before: set[tuple[int, int, bytes]] = set()
         self._number, self._restarts, self._why = 1, 0, "start"
         self._level, self._lowest, self._target = 0, 0, len(rungs) - 1
         self._since_validation = (0.0, 0)  # cost and runs at the working level
@@ -179,7 +176,8 @@ class AssistedCmaEs:
     ) -> None:
         """Learn the values of some candidates, in any order; infinite for a failed run.
 
-        Runs of another purpose than "search", made before it, teach and cost the same.
+        Runs of another purpose than "search", made before it, teach and cost the same; what was
+        planned of their designs is dropped.
 
         Args:
             counts: (n, c) soft-constraint terms contained in the values.
@@ -189,14 +187,10 @@ class AssistedCmaEs:
             if candidate.purpose == "search":
                 run = self._plan.end(candidate.index)
                 z, level = run.z, run.level
-                if (known := (level, candidate.seed, z.tobytes())) in self._before:
-                    self._before.remove(known)
-                    self._plan.spent[level] -= self._rungs[level].cost
-                    continue
             else:
                 z, level = self._problem.to_z(candidate.x), self._index(candidate.level)
                 self._plan.spent[level] += self._rungs[level].cost
-                self._before.add((level, candidate.seed, z.tobytes()))
+                self._plan.drop(z, level)
             self._archive = self._archive.added(z, level, candidate.seed, usable(value), row)
         if self._stop is None and not self._plan.waits:
             self._go_on()

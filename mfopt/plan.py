@@ -52,6 +52,12 @@ class Plan:
         """Plan a run after those planned before."""
         self._planned.append(PlannedRun(z, level, awaited, seed))
 
+    def drop(self, z: Array, level: int) -> None:
+        """Take back what is planned, and has not begun, of a design (d,) at a level."""
+        self._planned = [
+            run for run in self._planned if run.level != level or not np.array_equal(run.z, z)
+        ]
+
     def begin(self) -> tuple[int, PlannedRun]:
         """Begin the next run; its number counts from 0."""
         run, number = self._planned.pop(0), self._begun

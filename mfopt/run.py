@@ -64,13 +64,14 @@ class _Loop:
     def known(self, candidate: Candidate, objective: Objective) -> Evaluation | None:
         """The evaluation of a candidate that need not be run: stored, or run by the check."""
         found = self.memory.recall(candidate)
-        if (
-            found is None
-            and (outcome := self.checked.get(_run_of(self.problem, candidate))) is not None
-        ):
-            free = replace(outcome, work=0.0, cpu_s=0.0)  # the check has it
-            found = Evaluation(candidate, *judged(objective, free))
-            self.memory.run.add_evaluation(found)
+        if found is not None:
+            return found
+        outcome = self.checked.get(_run_of(self.problem, candidate))
+        if outcome is None:
+            return None
+        free = replace(outcome, work=0.0, cpu_s=0.0)  # the check has spent it
+        found = Evaluation(candidate, *judged(objective, free))
+        self.memory.run.add_evaluation(found)
         return found
 
     def keep(self, made: Sequence[Evaluation]) -> None:

@@ -54,3 +54,13 @@ def test_designs_that_are_out_are_known_by_level() -> None:
     assert out is B
     plan.end(1)
     assert plan.out_at(1) == []
+
+
+def test_what_is_known_already_is_taken_off_the_plan() -> None:
+    plan = Plan([1.0, 8.0], budget=20.0)
+    for z, level in ((A, 0), (B, 0), (A, 1)):
+        plan.add(z, level)
+    plan.drop(A.copy(), 0)
+    assert [(run.z is z, run.level) for (_, run), z in zip([plan.begin(), plan.begin()], (B, A),
+            strict=True)] == [(True, 0), (True, 1)]  # fmt: skip
+    assert not plan
