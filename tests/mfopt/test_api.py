@@ -6,6 +6,7 @@ from typer.testing import CliRunner
 
 import mfopt
 from mfopt.arrays import Array
+from mfopt.climbing import MOST_OF
 from mfopt.commands.app import app
 from surrogates.autoregressive import AutoregressiveGp
 
@@ -244,7 +245,7 @@ def test_runs_of_a_kept_directory_are_said_to_be_used(
     assert "13 of all were stored before" in str(best)
 
 
-def test_a_broken_level_is_left_and_the_target_is_searched() -> None:
+def test_a_level_that_fails_mostly_is_left_and_the_target_is_searched() -> None:
     def broken(x: Array, seed: int) -> float:
         if not np.array_equal(x, [0.5, 0.0]):  # the start
             raise NameError("name 'y' is not defined")
@@ -254,7 +255,7 @@ def test_a_broken_level_is_left_and_the_target_is_searched() -> None:
         {"c": broken, "f": shifted_sphere}, BOUNDS, costs={"c": 1, "f": 100},
         surrogate=AutoregressiveGp(), budget=25,
     )  # fmt: skip
-    assert sum(e.candidate.level == "c" for e in best.evaluations) < 20
+    assert sum(e.candidate.level == "c" for e in best.evaluations) <= 2 * MOST_OF
     assert best.f < 0.01
 
 
