@@ -1,10 +1,7 @@
 """Whole reports: finished, broken off, empty, and of a user's own problem."""
 
 import itertools
-import json
 import re
-import shutil
-import subprocess
 from collections.abc import Callable
 from html import unescape
 from pathlib import Path
@@ -16,7 +13,6 @@ from mfopt.evaluation import Reference
 from mfopt.store import RunDirectory
 from reports import DesignView, write_report
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("chrome")
 Machine = Callable[[Array], DesignView]
 
 
@@ -159,61 +155,3 @@ def test_names_of_the_study_cannot_break_the_page(
     run.header = {**run.header, "study": "<script>alert(1)</script>"}
     write_report(run, html=tmp_path / "r.html")
     assert "<script>alert" not in (tmp_path / "r.html").read_text(encoding="utf-8")
-
-
-# Frames are drawn at once, so that the probe can look at each before the page goes on.
-CATCH = """
-<script>
-  window.failures = [];
-  window.onerror = (message) => failures.push(message);
-  window.requestAnimationFrame = (draw) => { draw(0); return 0; };
-</script>
-"""
-PROBE = """
-<script>
-  const canvas = document.getElementById("viewer");
-  const picture = (key) => {
-    canvas.dispatchEvent(new KeyboardEvent("keydown", { key }));
-    const copy = document.createElement("canvas");
-    copy.width = canvas.width; copy.height = canvas.height;
-    const pen = copy.getContext("2d");
-    pen.drawImage(canvas, 0, 0);
-    return new Uint32Array(pen.getImageData(0, 0, copy.width, copy.height).data.buffer);
-  };
-  const first = picture("ArrowLeft"), second = picture("ArrowLeft");
-  picture("ArrowRight");
-  const buttons = document.querySelectorAll("button[data-design]");
-  buttons[buttons.length - 1].click();
-  const other = picture("ArrowLeft");  // from the same side as the second
-  const changed = (a, b) => a.reduce((n, value, i) => n + (value !== b[i]), 0);
-  document.body.dataset.probe = JSON.stringify({ colours: new Set(first).size,
-    turned: changed(first, second), chosen: changed(second, other), errors: window.failures,
-    wide: document.documentElement.scrollWidth - window.innerWidth });
-</script>
-"""
-
-
-@pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed: the viewer is not tried")
-@pytest.mark.parametrize("width", [390, 1200])
-def test_viewer_draws_and_turns_in_a_browser(
-    report: tuple[Path, Path], tmp_path: Path, width: int
-) -> None:
-    html = report[0].read_text(encoding="utf-8").replace("<head>", f"<head>{CATCH}")
-    page = tmp_path / "probe.html"
-    page.write_text(html.replace("</body>", f"{PROBE}</body>"), encoding="utf-8")
-    done = subprocess.run(
-        [str(CHROMIUM), "--headless", "--no-sandbox", "--disable-dev-shm-usage", "--use-gl=angle",
-         "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
-         f"--user-data-dir={tmp_path / 'profile'}", f"--window-size={width},900",
-         "--enable-logging=stderr", "--dump-dom", page.as_uri()],
-        capture_output=True, text=True, timeout=240, check=False,
-    )  # fmt: skip
-    assert not [line for line in done.stderr.splitlines() if "CONSOLE" in line]
-    found = re.search(r'data-probe="([^"]*)"', done.stdout)
-    assert found, done.stderr[-2000:]
-    probe = json.loads(found.group(1).replace("&quot;", '"'))
-    assert probe["errors"] == []
-    assert probe["colours"] > 20
-    assert probe["turned"] > 500
-    assert probe["chosen"] > 500
-    assert probe["wide"] <= 0  # no sideways scrolling of the page
