@@ -72,6 +72,7 @@ DEFAULT_FREE: Mapping[str, Bounds] = {
 # Solid share of randomly packed grains at their densest: 0.64 for spheres, less for rods as long
 # as grains of rice (Williams and Philipse, doi 10.1103/PhysRevE.67.051301).
 DENSEST = 0.64
+SHALLOWEST_MM = -1.0  # the tube's upper end below the plate; sections 1 and 2 lie in between
 
 
 class CupSettings(Settings):
@@ -79,7 +80,7 @@ class CupSettings(Settings):
 
     length_mm: Millimetres = 130
     width_mm: Millimetres = 100
-    radius_mm: float = Field(20, ge=0)
+    radius_mm: float = Field(20, ge=0, le=10_000)
     volume_ml: Millilitres = 1279
 
 
@@ -157,7 +158,12 @@ class DosingSettings(Settings):
                 f"grains, and no poured portion is denser than {DENSEST:.0%}; give the cup at "
                 f"least {math.ceil(least)} ml, or a lighter portion"
             )
-        z3 = self.all_values()["z3"]
+        z3 = self.values.get("z3", DEFAULT_VALUES["z3"])
+        if z3 > SHALLOWEST_MM:
+            raise ValueError(
+                f"values.z3 = {z3:g} must be at most {SHALLOWEST_MM:g}, below the plate at z = 0; "
+                "lower it"
+            )
         lowest = self.free["z3"][0] if "z3" in self.free else z3
         if self.tube_end_z_mm >= lowest:
             raise ValueError(
