@@ -2,7 +2,7 @@
 
 import os
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,7 +12,7 @@ from rich.console import Console
 
 from fidelity.assemble import Assembled, assemble, level_settings
 from mfopt.arrays import Array
-from mfopt.begin import begin, begin_reference, check_disk
+from mfopt.begin import begin, begin_reference, budgets, check_disk
 from mfopt.check import Checked, whole_runs
 from mfopt.commands.report import write_reports
 from mfopt.commands.shared import AsJson, Quiet, StudyFile, console
@@ -47,8 +47,9 @@ def run(
 
     study, text = read_study(study_file)
     parts = assemble(study, where=str(study_file))
-    _search(study, parts, parts.problem.baseline)  # refused here, before anything is written
     workers = workers_of(study)
+    now = _header(study, parts, workers)
+    _search(study, parts, budgets(now), parts.problem.baseline)  # refused before all is written
     runner = new_runner(study)
     path = directory or Path("runs") / study.study.name
     on = console(quiet=quiet or as_json)
@@ -57,7 +58,7 @@ def run(
         prepare_engines(study, parts, on)
         new = not os.path.lexists(path / "run.json")
         checked = started(study, parts, runner) if new else None  # before anything is written
-        into = begin(path, text, _header(study, parts, workers), resume=resume)
+        into = begin(path, text, now, resume=resume)
         _begin_reference(into, parts, on)
         made, ended = into.made, into.end
         if into.kept:
@@ -69,7 +70,7 @@ def run(
             run_study(
                 parts.problem,
                 parts.ladder,
-                partial(_search, study, parts),
+                partial(_search, study, parts, budgets(into.header)),
                 runner,
                 into,
                 confirm_on=parts.confirm_on,
@@ -122,8 +123,12 @@ def _checked_again(study: Study, parts: Assembled, runner: Runner, run: RunDirec
     return started(study, parts, runner, recall)
 
 
-def _search(study: Study, parts: Assembled, start: Array) -> Search:
-    """The search that the study asks for, from a design; what it needs is only then loaded."""
+def _search(study: Study, parts: Assembled, given: Sequence[float], start: Array) -> Search:
+    """The search that the study asks for, from a design; what it needs is only then loaded.
+
+    Args:
+        given: budgets that the run was given, one after the other.
+    """
     its, objective = study.search, study.problem.objective
     if its.method == "cma-es":
         from mfopt.cmaes import CmaEs
@@ -135,12 +140,11 @@ def _search(study: Study, parts: Assembled, start: Array) -> Search:
     from mfopt.assisted import AssistedCmaEs
     from surrogates.autoregressive import AutoregressiveGp
 
-    assert its.budget is not None  # the study file was refused without
     return AssistedCmaEs(
         parts.problem,
         rungs(parts.ladder, parts.problem.baseline),
         AutoregressiveGp(),
-        budget=its.budget,
+        budget=given,
         seed=study.study.seed,
         sigma=its.sigma,
         population_size=its.population_size,

@@ -1,4 +1,5 @@
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -310,3 +311,34 @@ def test_other_costs_are_refused(tmp_path: Path) -> None:
     costs = {"coarse": 2, "fine": 20}
     with pytest.raises(mfopt.ConfigError, match=r"levels.*work"):
         mfopt.minimize(**ASSISTED | {"directory": tmp_path, "budget": 1, "costs": costs})  # type: ignore[arg-type]
+
+
+def assisted(path: Path, budget: float, **changed: Any) -> mfopt.Minimum:
+    given: dict[str, Any] = {
+        "levels": {"c": noisy, "f": noisy}, "bounds": BOUNDS, "costs": {"c": 1.0, "f": 8.0},
+        "surrogate": AutoregressiveGp(), "seed": 3,
+    }  # fmt: skip
+    return mfopt.minimize(**(given | {"budget": budget, "directory": path} | changed))
+
+
+def places(its: mfopt.Minimum) -> list[tuple[object, ...]]:
+    return [(e.candidate.x.tobytes(), e.candidate.level, e.objective) for e in its.evaluations]
+
+
+def test_on_a_ladder_a_larger_budget_uses_all_that_was_paid(tmp_path: Path) -> None:
+    calls: list[int] = []
+
+    def counted(x: Array, seed: int) -> float:
+        calls.append(seed)
+        return noisy(x, seed)
+
+    small = assisted(tmp_path / "run", 6)
+    larger = assisted(tmp_path / "run", 10, levels={"c": counted, "f": counted})
+    assert places(larger)[: len(small.evaluations)] == places(small)  # all that was paid is used
+    assert len(calls) == len(larger.evaluations) - len(small.evaluations) > 0
+    assert (small.stored, larger.stored) == (0, len(small.evaluations))
+    work = sum(8.0 if e.candidate.level == "f" else 1.0 for e in larger.evaluations)
+    assert 9 * 8.0 < work <= 10 * 8.0
+    again = assisted(tmp_path / "run", 10, levels={"c": counted, "f": counted})
+    assert places(again) == places(larger)
+    assert len(calls) == len(larger.evaluations) - len(small.evaluations)
