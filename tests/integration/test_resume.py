@@ -60,7 +60,7 @@ def test_a_finished_run_has_nothing_left_to_do(again: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "most"),
     [
-        ("generations = 2", "generations = 4", 8 + 1),  # the confirmation of another best design
+        ("generations = 1", "generations = 3", 8 + 1),  # the confirmation of another best design
         ("generations = 3", "generations = 4", 4 + 8 + 1),  # the second stage is another then
         ("[confirm]\nseeds = 1", "[confirm]\nseeds = 3", 4),
     ],
@@ -85,7 +85,7 @@ def test_another_study_is_refused_by_what_differs(again: Path) -> None:
     for old, new, said in (
         ("grains = 60", "grains = 70", "settings level reduced-60 grains 60 (now 70)"),
         ("seed = 3", "seed = 4", "seed 3 (now 4)"),
-        ("generations = 2", "generations = 1", "search stage 2 generations 2 (now 1)"),
+        ("generations = 3", "generations = 2", "search stage 1 generations 3 (now 2)"),
         ("population_size = 4", "population_size = 5", "search population_size 4 (now 5)"),
     ):
         file.write_text(REDUCED.replace(old, new, 1))
@@ -116,3 +116,22 @@ def test_report_and_status_need_no_simulator(again: Path, monkeypatch: pytest.Mo
     page = (other / "report.html").read_text()
     assert "viewer" in page  # the machine is drawn
     assert json.loads(mfopt("status", other, "--json").stdout)["evaluations"] == len(run)
+
+
+def test_a_larger_budget_of_the_assisted_search_uses_all_that_was_paid(tmp_path: Path) -> None:
+    target = '[[level]]\nname = "reduced"\nengine = "reduced"\n'
+    head, tail = REDUCED[: REDUCED.index("[[level]]")], REDUCED[REDUCED.index("[confirm]") :]
+    study = head + target + "[search]\nbudget = 20\npopulation_size = 6\n" + tail
+    run(study, tmp_path / "run")
+    before = evaluations(tmp_path / "run")
+    said = run(study.replace("budget = 20", "budget = 26"), tmp_path / "run")
+    assert f"{len(before)} runs made before are used" in said
+    after, its = evaluations(tmp_path / "run"), open_run(tmp_path / "run")
+    searched = [purpose for _, purpose, *_ in before].count("search")
+    first = max(i for i, purpose, *_ in before if purpose == "search") + 1
+    assert after[:first] == before[:first]
+    assert [purpose for _, purpose, *_ in after].count("search") == searched + 6
+    assert its.header["budgets"] == [20, 26]
+    assert its.made < len(before) + len(after) - first  # of what follows, some is used again
+    assert "nothing was left to do" in run(study.replace("= 20", "= 26"), tmp_path / "run")
+    assert evaluations(tmp_path / "run") == after
