@@ -47,6 +47,7 @@ class Runner:
     _executor: cf.Executor | None = None
     _running: dict[cf.Future[Outcome], _Job] = field(default_factory=dict)
     _suspects: list[_Job] = field(default_factory=list)  # died twice in company: alone next
+    _failed_starts: int = 0  # pools in a row of which no worker started
 
     def check(self, ladder: Ladder) -> None:
         """See that worker processes start and can load the levels, before anything is run.
@@ -71,12 +72,14 @@ class Runner:
             text = pickle.dumps(level)
         except Exception as error:
             return plain(f"{type(error).__name__}: {error}")
-        self._executor = self._executor or self.make()
-        try:
-            return self._executor.submit(_loading_fails, text).result()
-        except BrokenProcessPool:
-            self._raise_if_none_started()
-            return "the process died of it"
+        for _ in range(2):  # a process that somebody killed is no reason yet
+            self._executor = self._executor or self.make()
+            try:
+                return self._executor.submit(_loading_fails, text).result()
+            except BrokenProcessPool:
+                self._raise_if_none_starts()
+                self.close()
+        return "the process died of it"
 
     def submit(self, ladder: Ladder, candidate: Candidate) -> None:
         """Start a run, or queue it behind those that are running."""
@@ -93,7 +96,7 @@ class Runner:
             try:
                 outcome = _result(future, job.candidate)
             except BrokenProcessPool:
-                self._raise_if_none_started()
+                self._raise_if_none_starts()
                 if len(self._running) == 1 and job.deaths > 1:
                     self.close()
                     why = "the worker process died again and again while running this design"
@@ -101,6 +104,7 @@ class Runner:
                 self._start_again()
                 continue
             del self._running[future]
+            self._failed_starts = 0
             return job.candidate, outcome
 
     def run(
@@ -124,16 +128,17 @@ class Runner:
         try:
             future = self._executor.submit(evaluate, job.level, job.candidate.x, job.candidate.seed)
         except BrokenProcessPool:
-            self._raise_if_none_started()
+            self._raise_if_none_starts()
             self._start_again(job)
         else:
             self._running[future] = job
 
-    def _raise_if_none_started(self) -> None:
-        """The pool is broken: if no worker of it could start, none will."""
+    def _raise_if_none_starts(self) -> None:
+        """The pool is broken: if no worker of it could start, nor of the one before, none will."""
         if isinstance(self._executor, LocalPool):
             error = self._executor.why_not_started()
-            if error is not None:
+            self._failed_starts = 0 if error is None else self._failed_starts + 1
+            if isinstance(error, ConfigError) or (error is not None and self._failed_starts > 1):
                 raise error from None
 
     def _start_again(self, also: _Job | None = None) -> None:

@@ -165,3 +165,30 @@ def test_why_is_text_that_every_screen_and_file_can_show() -> None:
     assert made.why is not None
     assert made.why.startswith("ValueError: \ufffd[31mred\ufffd \ufffd\tend")
     assert len(made.why) < 20_000
+
+
+KILLED_AT_ITS_START = """
+import os, signal, sys
+told = {told!r}
+if "--multiprocessing-fork" in sys.orig_argv and not os.path.exists(told):
+    open(told, "w").close()
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+@pytest.mark.parametrize("checked", [True, False])
+def test_a_worker_that_is_killed_while_it_starts_is_replaced(
+    checked: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hook, told = tmp_path / "hook", tmp_path / "told"
+    hook.mkdir()
+    (hook / "sitecustomize.py").write_text(KILLED_AT_ITS_START.format(told=str(told)))
+    monkeypatch.setenv("PYTHONPATH", str(hook), prepend=os.pathsep)
+    (tmp_path / "deaths").mkdir()
+    ladder, runner = Ladder((Lethal(tmp_path / "deaths", 0),)), Runner(local_processes(1))
+    if checked:
+        runner.check(ladder)
+    done = {c.index: o for c, o in runner.run(ladder, candidates(1.0, 2.0))}
+    runner.close()
+    assert told.exists()
+    assert all(outcome.finished for outcome in done.values())
