@@ -6,12 +6,14 @@ import pytest
 
 from mfopt.arrays import Array
 from mfopt.assisted import AssistedCmaEs
+from mfopt.check import check_levels
 from mfopt.cmaes import CmaEs
 from mfopt.errors import ConfigError
 from mfopt.evaluation import Evaluation
 from mfopt.executor import Runner, one_thread
 from mfopt.function_level import FunctionLevel
 from mfopt.level import Ladder, Level
+from mfopt.objective import judged, objective_named
 from mfopt.phases import CONFIRM_SEED, Finals, Starts
 from mfopt.problem import Problem, Variable
 from mfopt.run import Progress, run_study
@@ -238,3 +240,32 @@ def test_runs_of_starts_count_in_the_budget(tmp_path: Path) -> None:
     cost = {"coarse": 0.1, "fine": 1.0}
     spent = sum(cost[e.candidate.level] for e in made if e.candidate.purpose in ("start", "search"))
     assert 7.0 < spent <= 8.0 + 1e-9
+
+
+def test_what_the_check_ran_is_stored_first_and_used_where_the_search_asks_for_it(
+    tmp_path: Path,
+) -> None:
+    calls: list[tuple[int, bytes]] = []
+
+    def counted(x: Array, seed: int) -> float:
+        calls.append((seed, x.tobytes()))
+        return noisy(x, seed)
+
+    levels = FunctionLevel("coarse", counted), FunctionLevel("fine", counted, 10.0)
+    ladder, run = Ladder(levels), create(tmp_path / "run", "", {})
+    objective = objective_named("returned")
+    checked = check_levels(
+        ladder, PROBLEM.baseline, Runner(one_thread), lambda outcome: judged(objective, outcome)
+    )
+    search = CmaEs(PROBLEM, STAGES, seed=1)
+    run_study(
+        PROBLEM, ladder, lambda _: search, Runner(one_thread), run,
+        confirm_on=ladder, confirm_seeds=1, checked=checked.evaluations,
+    )  # fmt: skip
+    check_coarse, check_fine, start, *_ = open_run(tmp_path / "run").evaluations()
+    assert (check_coarse.candidate.level, check_fine.candidate.level) == ("coarse", "fine")
+    assert {check_coarse.candidate.purpose, check_fine.candidate.purpose} == {"check"}
+    assert (start.candidate.purpose, start.candidate.index) == ("search", 2)
+    assert start.objective == check_coarse.objective
+    assert (start.outcome.work, check_coarse.outcome.work) == (0.0, 1.0)  # spent once
+    assert calls.count((1, PROBLEM.baseline.tobytes())) == 2  # at either level
