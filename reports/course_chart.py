@@ -29,7 +29,7 @@ from reports.units import Display, number
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-HEIGHT = 5.9  # [inch]
+HEIGHT = 5.6  # [inch]
 RATIOS = (2.1, 1.0, 0.75, 0.75)
 LOG_BELOW = 0.05  # share of the work at the first change of level, below which x is logarithmic
 
