@@ -62,7 +62,7 @@ class Manufacturability:
 
     def _developable_sentence(self) -> str:
         k = self.largest_gaussian_curvature
-        curvature = f"{k:.0f} 1/m\u00b2" if k >= 10.0 else f"{k:.2g} 1/m\u00b2"
+        curvature = f"{k:.0f} 1/m\u00b2" if k >= 10.0 else f"{max(k, 0.1):.1f} 1/m\u00b2"
         if self.developable:
             return (
                 f"The sheet is developable: its Gaussian curvature of at most {curvature} is "

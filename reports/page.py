@@ -45,7 +45,12 @@ def context(run: RunDirectory, describe: Describe) -> dict[str, Any]:
         "assisted": _assisted(facts),
         "has_course": facts.course is not None,
         "chosen": its
-        and chosen(its, method=facts.header.get("method"), insights=bool(run.insights)),
+        and chosen(
+            its,
+            method=facts.header.get("method"),
+            insights=bool(run.insights),
+            finalists=len({r.x.tobytes() for r in facts.rows if r.purpose == "finalist"}),
+        ),
         "best": best and _shown(best),
         "cards": cards(facts, best),
         "needs": needed(facts),

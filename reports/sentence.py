@@ -91,14 +91,25 @@ def believed(belief: Insight, shown: Display) -> str:
     return f"{shown.full(belief.mean)} ({shown.text(low)} to {shown.full(high)})"
 
 
-def chosen(result: Result, *, method: str | None, insights: bool) -> str:
+def chosen(result: Result, *, method: str | None, insights: bool, finalists: int = 0) -> str:
     """How the best design was chosen.
 
     Args:
         result: the best design.
         method: of the search, as the study file names it; None if the run does not say.
         insights: whether the search says what it knows of its designs.
+        finalists: designs that were told apart at the target level after the search.
     """
+    text = _chosen_by_search(result, method=method, insights=insights)
+    if finalists < 2:
+        return text
+    return (
+        f"{text} Then the {finalists} most promising designs were run at the target level on seeds "
+        "of their own. The one with the lowest mean there is the best design."
+    )
+
+
+def _chosen_by_search(result: Result, *, method: str | None, insights: bool) -> str:
     if insights and method is None:
         text = "The design with the best estimate of the search was chosen."
     elif insights and method != "assisted":

@@ -1,9 +1,13 @@
 """The result in words."""
 
+import math
+
 import numpy as np
 import pytest
 
-from reports.sentence import against, at_bounds, interval_text, sentence, state
+from reports.result import Result
+from reports.rows import Row
+from reports.sentence import against, at_bounds, chosen, interval_text, sentence, state
 from reports.statistics import Comparison, Interval
 from reports.units import Display
 
@@ -37,3 +41,12 @@ def test_intervals_and_bounds_in_words() -> None:
         "",
         "at its upper bound",
     ]
+
+
+def test_finalists_are_told_where_there_were_any() -> None:
+    x = np.zeros(1)
+    run = Row(0, 1, "fine", 1, "search", x, 0.1, *[math.nan] * 5, "finished", None, 1.0, 1.0)
+    its = Result(run, (), (), None, None)
+    assert "promising" not in chosen(its, method="assisted", insights=True)
+    text = chosen(its, method="assisted", insights=True, finalists=3)
+    assert "Then the 3 most promising designs were run at the target level" in text
