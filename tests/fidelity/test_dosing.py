@@ -154,3 +154,7 @@ def test_a_motion_out_of_bounds_is_no_start_and_fixed_values_stay() -> None:
     assert starts["dwell long"] == pytest.approx([0.2, 1.5])
     hopper_only = dosing_problem(DosingSettings(free={"l1": (80, 180)}))
     assert list(starting_designs(hopper_only)) == ["baseline"]
+
+
+def test_the_objectives_of_dosing_are_times() -> None:
+    assert dosing_problem(DosingSettings()).objective_unit == "s"

@@ -1,13 +1,14 @@
 """What a search cost and how it went, against hand-computed values."""
 
 import math
+from typing import get_args
 
 import numpy as np
 import pytest
 
-from mfopt.evaluation import Generation
+from mfopt.evaluation import Generation, Purpose
 from mfopt.store import RunDirectory
-from reports.campaign import failures, stages, steps
+from reports.campaign import PHASES, cost_words, costs, failures, reason, stages, steps
 from reports.rows import Row, read_rows
 
 
@@ -78,3 +79,36 @@ def test_a_run_that_gave_no_number_is_a_failure_with_a_reason() -> None:
     (failure,) = failures([row(1, math.inf)])
     assert failure.status == "no number"
     assert failure.why
+
+
+def test_the_same_failure_is_listed_once_without_its_numbers_and_folders() -> None:
+    whys = [
+        f"energy grew past 10 J at 0.{n} s; see /var/tmp/mfopt-yade-8gk{n}__1/log.txt"
+        for n in range(12, 15)
+    ]
+    rows = [*(row(1, math.inf, why=why) for why in whys), row(1, math.inf, why="no licence")]
+    grown, other = failures(rows)
+    assert grown.count == 3
+    assert grown.why == "energy grew past 10 J at 0.12 s; see log.txt"
+    assert other.why == "no licence"
+
+
+def test_a_long_log_keeps_its_beginning_and_its_end() -> None:
+    why = reason("begins " + "x" * 5000 + " Segmentation fault")
+    assert len(why) < 700
+    assert why.startswith("begins")
+    assert why.endswith("Segmentation fault")
+
+
+def test_search_confirmation_and_reference_are_told_apart() -> None:
+    purposes = ["search", "search", "confirm best", "confirm baseline", "reference best"]
+    rows = [row(1, 1.0, purpose=purpose, work=2.0, cpu_s=90.0) for purpose in purposes]
+    made = costs(rows, 4.0)
+    assert [(c.phase, c.runs, c.work) for c in made] == [
+        ("search", 2, 1.0), ("confirmation", 2, 1.0), ("reference", 1, 0.5),
+    ]  # fmt: skip
+    assert cost_words(made[0]) == "1.00 full runs, 3.0\u202fCPU min"
+
+
+def test_every_purpose_has_a_phase() -> None:
+    assert {p.split()[0] for p in get_args(Purpose)} == PHASES.keys()

@@ -10,9 +10,10 @@ from matplotlib.figure import Figure
 from mfopt.arrays import Array
 from mfopt.evaluation import Generation
 from mfopt.store import RunDirectory
-from reports import charts
+from reports import charts, course_chart
 from reports.campaign import Step, steps
 from reports.design import DesignView
+from reports.facts import gather
 from reports.rows import read_rows
 from reports.units import display
 
@@ -90,3 +91,24 @@ def test_a_stretch_that_begins_at_nothing_is_named_on_a_logarithmic_axis() -> No
     charts.draw_bands([axes], [("coarse", 0.0, 1.0), ("fine", 1.0, 10.0)])
     assert [label.get_text() for label in axes.texts] == ["coarse", "fine"]
     assert [label.xy[0] for label in axes.texts] == pytest.approx([0.0, 2 / 3])
+
+
+def test_a_legend_covers_no_data_and_intervals_are_not_clipped(
+    make_assisted: Callable[..., RunDirectory],
+) -> None:
+    facts = gather(make_assisted())
+    assert facts.course is not None
+    figures: list[Figure] = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(course_chart, "as_svg", lambda figure: figures.append(figure) or "")
+        course_chart.course(facts.course, facts.shown, facts.name, None)
+    (figure,) = figures
+    figure.draw_without_rendering()
+    (legend,) = figure.legends
+    top = legend.get_window_extent().y1
+    assert all(top <= axis.get_window_extent().y0 for axis in figure.axes)
+    low, high = figure.axes[0].get_ylim()
+    for look in facts.course.looks:
+        assert look.insight is not None
+        ends = [end * facts.shown.factor for end in look.insight.interval]
+        assert low <= min(ends) <= max(ends) <= high

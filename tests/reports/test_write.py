@@ -155,3 +155,16 @@ def test_names_of_the_study_cannot_break_the_page(
     run.header = {**run.header, "study": "<script>alert(1)</script>"}
     write_report(run, html=tmp_path / "r.html")
     assert "<script>alert" not in (tmp_path / "r.html").read_text(encoding="utf-8")
+
+
+def test_an_own_problem_has_no_spheres_and_the_objective_is_named_once(
+    own_run: RunDirectory, finished_run: RunDirectory, tmp_path: Path
+) -> None:
+    write_report(own_run, html=tmp_path / "own.html")
+    own = words(tmp_path / "own.html")
+    assert "sphere-steps" not in own
+    assert "so that the objective value becomes smallest" in own
+    write_report(finished_run, html=tmp_path / "r.html")
+    text = words(tmp_path / "r.html")
+    assert "work [sphere-steps]" in text
+    assert "objective, objective" not in text
