@@ -67,7 +67,7 @@ def _require_cad() -> None:
     except ImportError as error:
         raise ConfigError(
             "STEP export needs the extra `cad` (cadquery-ocp-novtk 8 or newer); "
-            "install it with: pip install 'mfopt[cad]'"
+            "install it from mfopt's folder: pip install '.[cad]'"
         ) from error
     for printer in Message.DefaultMessenger_s().Printers():
         printer.SetTraceLevel(Message_Gravity.Message_Fail)

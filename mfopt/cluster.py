@@ -22,7 +22,9 @@ def dask_cluster(address: str) -> Callable[[], cf.Executor]:
     try:
         from distributed import Client
     except ImportError as error:
-        raise ConfigError("a scheduler needs Dask: pip install 'mfopt[cluster]'") from error
+        raise ConfigError(
+            "a scheduler needs Dask; from mfopt's folder: pip install '.[cluster]'"
+        ) from error
 
     def make() -> cf.Executor:
         try:

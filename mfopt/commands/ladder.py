@@ -66,7 +66,18 @@ def spending(study: Study, parts: Assembled) -> str:
         stages = its.stages(study.problem.objective)
         runs = ((parts.ladder[s.level], s.runs) for s in stages)
         spent = sum(level.work(x) * n for level, n in runs) / full_run
-    return (
+    return _first(parts) + (
         f"The search may spend {spent:.3g} full runs, {how}; finalists, confirmation and reference "
         f"{after:.3g} more. A full run is one run of {parts.ladder.top.name}, the target level."
+    )
+
+
+def _first(parts: Assembled) -> str:
+    """What is run before the search, in words; empty without starts."""
+    its = parts.starts
+    if its is None:
+        return ""
+    return (
+        f"First {len(its.designs)} designs are run at {its.level} with {its.seeds} seeds each; the "
+        "search begins at the best of them. "
     )
