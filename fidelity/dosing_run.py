@@ -105,6 +105,7 @@ def dosing_setup(
         idle_after=machine.cycle,
         idle_above_z=0.0,
         snapshot_times=frozen(np.linspace(EMPTYING_FIRST, 1.0, snapshots) * machine.cycle),
+        may_pinch=True,  # between the cup's rim and the hole's edge; `tally` finds every grain
     )
 
 

@@ -132,6 +132,9 @@ class Setup:
     idle_after: float = float("inf")
     idle_above_z: float = 0.0  # [m]
     snapshot_times: Array = field(default_factory=lambda: np.empty(0))  # (s,) [s]
+    # Walls that move against each other may catch grains and press them through a wall; the scene
+    # tells what became of them. False: a grain that goes through a wall breaks the run.
+    may_pinch: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,8 +10,8 @@ setup.npz: `grain_offsets`, `grain_radii`, `grain_inertia`, `positions`, `orient
 `wall_displacements_<i>`, and if it turns `wall_angles_<i>`.
 setup.json: `grain_mass`; `grain_material` and `physics` as mappings; `walls`, a list of
 `{"name", "material", "motion"}`, the material a mapping, the motion null or the mapping
-`{"axis", "pivot"}`; `duration`, `exit_z`, `settle`, `idle_after`, `idle_above_z`; and `engine`,
-what the engine adds for its script.
+`{"axis", "pivot"}`; `duration`, `exit_z`, `settle`, `idle_after`, `idle_above_z`, `may_pinch`; and
+`engine`, what the engine adds for its script.
 result.npz: `exit_times`, `positions`, `orientations`, `velocities`, `angular_velocities`, and
 where snapshots were asked for the arrays of `Movement.snapshots`.
 result.json: `status`, `why`, `end_time`, `steps`, `sphere_steps`, `timestep`, `max_overlap`,
@@ -75,6 +75,7 @@ def write_setup(setup: Setup, directory: Path, engine: Mapping[str, Any] | None 
         "settle": setup.settle,
         "idle_after": setup.idle_after,
         "idle_above_z": setup.idle_above_z,
+        "may_pinch": setup.may_pinch,
         "engine": dict(engine or {}),
     }
     given = {name: values for name, values in arrays.items() if values is not None}
@@ -127,6 +128,7 @@ def read_setup(directory: Path) -> tuple[Setup, dict[str, Any]]:
         idle_after=scalars["idle_after"],
         idle_above_z=scalars["idle_above_z"],
         snapshot_times=arrays["snapshot_times"],
+        may_pinch=scalars["may_pinch"],
     )
     return setup, scalars["engine"]
 

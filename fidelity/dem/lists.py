@@ -11,9 +11,9 @@ import numpy as np
 
 from fidelity.dem.compiled import compiled, inlined
 from fidelity.dem.history import recall_pairs, recall_walls
+from fidelity.dem.moving import to_body
 from fidelity.dem.state import ENTRIES, GRAINS, PAIRS, STALE
 from fidelity.dem.triangle import nearest_on_triangle
-from fidelity.dem.wall_contacts import to_body
 
 SLACK = 1e-3  # of a reach: more than single precision loses over a thousand radii
 

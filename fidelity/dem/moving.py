@@ -1,11 +1,11 @@
-"""The walls' prescribed motion."""
+"""The walls' prescribed motion, and the way from space to a body and back."""
 
 import math
 from collections.abc import Sequence
 
 import numpy as np
 
-from fidelity.dem.compiled import compiled
+from fidelity.dem.compiled import compiled, inlined
 from fidelity.dem.state import Moving
 from fidelity.dem.surface import Surface
 from fidelity.engine import WallMotion
@@ -118,3 +118,56 @@ def moved_since_listed(moving, b, drift, time):  # type: ignore[no-untyped-def]
     dz = moving.place[b, 2] - moving.listed[b, 2] - passed * drift[2]
     turned = abs(moving.angle[b] - moving.listed[b, 3])
     return math.sqrt(dx * dx + dy * dy + dz * dz) + turned * moving.reach[b]
+
+
+@inlined
+def to_body(moving, b, x, y, z):  # type: ignore[no-untyped-def]
+    """A point of space where the body was at time 0."""
+    if b == 0:
+        return x, y, z
+    px, py, pz = moving.pivot[b, 0], moving.pivot[b, 1], moving.pivot[b, 2]
+    x = x - moving.place[b, 0]
+    y = y - moving.place[b, 1]
+    z = z - moving.place[b, 2]
+    if moving.angle[b] == 0.0:
+        return x, y, z
+    x, y, z = x - px, y - py, z - pz
+    m = moving.rotation
+    return (
+        px + m[b, 0] * x + m[b, 3] * y + m[b, 6] * z,
+        py + m[b, 1] * x + m[b, 4] * y + m[b, 7] * z,
+        pz + m[b, 2] * x + m[b, 5] * y + m[b, 8] * z,
+    )
+
+
+@inlined
+def to_space(moving, b, x, y, z):  # type: ignore[no-untyped-def]
+    """A direction on the body as it is now in space."""
+    if moving.angle[b] == 0.0:
+        return x, y, z
+    m = moving.rotation
+    return (
+        m[b, 0] * x + m[b, 1] * y + m[b, 2] * z,
+        m[b, 3] * x + m[b, 4] * y + m[b, 5] * z,
+        m[b, 6] * x + m[b, 7] * y + m[b, 8] * z,
+    )
+
+
+@inlined
+def way_on_body(moving, b, x, y, z, vx, vy, vz, dt):  # type: ignore[no-untyped-def]
+    """Way that a point of space went on the body in the last step, its velocity given [m]."""
+    ox, oy, oz = moving.spin[b, 0], moving.spin[b, 1], moving.spin[b, 2]
+    bx = x - moving.pivot[b, 0] - moving.place[b, 0]
+    by = y - moving.pivot[b, 1] - moving.place[b, 1]
+    bz = z - moving.pivot[b, 2] - moving.place[b, 2]
+    ux = dt * (vx - moving.velocity[b, 0] - oy * bz + oz * by)
+    uy = dt * (vy - moving.velocity[b, 1] - oz * bx + ox * bz)
+    uz = dt * (vz - moving.velocity[b, 2] - ox * by + oy * bx)
+    if moving.angle[b] == 0.0:
+        return ux, uy, uz
+    m = moving.rotation
+    return (
+        m[b, 0] * ux + m[b, 3] * uy + m[b, 6] * uz,
+        m[b, 1] * ux + m[b, 4] * uy + m[b, 7] * uz,
+        m[b, 2] * ux + m[b, 5] * uy + m[b, 8] * uz,
+    )

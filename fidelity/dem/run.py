@@ -21,6 +21,8 @@ LOOKS_PER_GROUPING = 5  # then grains that have left are taken out, and the othe
 # A run is broken when more energy has come from nowhere than this share of what was turned over
 # and is held in contacts, plus a lift of all grains by a radius.
 MAX_GAIN = 0.05
+# A sphere that moves further in a step can fly through a wall unseen [smallest radius].
+MAX_WAY = 1.0
 
 
 @dataclass
@@ -92,36 +94,64 @@ def _spheres(tables: Tables) -> int:
 
 
 def examine(setup: Setup, tables: Tables, watch: Watch) -> None:
-    """Look at energy and overlap; note what is broken, and whether the grains are at rest."""
-    state, dt = tables.state, tables.dt
-    budget, now = state.budget, float(state.counts[at.STEP] * dt)
-    kinetic = float(budget[at.KINETIC])
+    """Look at energy and contacts; note what is broken, and whether the grains are at rest."""
+    state, now = tables.state, float(tables.state.counts[at.STEP] * tables.dt)
+    budget, kinetic = state.budget, float(state.budget[at.KINETIC])
     budget[at.LARGEST_KINETIC] = max(budget[at.LARGEST_KINETIC], kinetic)
-    total = energy.total(budget)
     if math.isnan(watch.start_energy):
-        watch.start_energy = total
-    gain, turned = total - watch.start_energy, energy.turnover(budget)
-    held = abs(float(budget[at.ELASTIC]))
+        watch.start_energy = energy.total(budget)
     n = int(state.counts[at.GRAINS])
-    radius = float(state.spheres.place[:, 3].min())
-    overlap = float(budget[at.OVERLAP]) / radius
-    lift = setup.grain.mass * setup.physics.gravity * radius
-    if not math.isfinite(total) or not np.isfinite(state.bodies.kinematics[:n]).all():
-        watch.why = f"a position or velocity is not a number at {now:.4g} s"
-    elif gain > MAX_GAIN * (turned + held) + lift * n:
-        watch.why = (
-            f"exploded at {now:.4g} s: {gain:.3g} J came from nowhere, above {MAX_GAIN:g} of the "
-            f"{turned + held:.3g} J turned over and held; use a shorter time step or stiffer grains"
-        )
-    elif overlap > MAX_OVERLAP:
-        watch.why = (
-            f"overlap {overlap:.2f} of the smallest radius at {now:.4g} s is above "
-            f"{MAX_OVERLAP:g}; use stiffer grains or a shorter time step"
-        )
-    if kinetic >= SETTLED_ENERGY * n * lift:
+    lift = setup.grain.mass * setup.physics.gravity * n * _smallest_radius(tables)
+    why = _broken(setup, tables, watch.start_energy, lift)
+    watch.why = why and f"{why} at {now:.4g} s; use a shorter time step or stiffer grains"
+    if kinetic >= SETTLED_ENERGY * lift:
         watch.quiet_since = None
     elif watch.quiet_since is None:
         watch.quiet_since = now
+
+
+def _broken(setup: Setup, tables: Tables, start_energy: float, lift: float) -> str | None:
+    """What is wrong with places, contacts or the balance of energy; None if nothing is."""
+    state, budget, radius = tables.state, tables.state.budget, _smallest_radius(tables)
+    total = energy.total(budget)
+    gain, turned = total - start_energy, energy.turnover(budget) + abs(float(budget[at.ELASTIC]))
+    moving = state.bodies.kinematics[: state.counts[at.GRAINS]]
+    if not math.isfinite(total) or not np.isfinite(moving).all():
+        return "a position or velocity is not a number"
+    crossed = int(state.counts[at.CROSSED])
+    if crossed and not setup.may_pinch:
+        return f"the centre of a sphere went through the wall {setup.walls[crossed - 1].name!r}"
+    if gain > MAX_GAIN * turned + lift:
+        return (
+            f"exploded: {gain:.3g} J came from nowhere, above {MAX_GAIN:g} of the {turned:.3g} J "
+            "turned over and held"
+        )
+    overlap = float(budget[at.OVERLAP]) / radius
+    if overlap > MAX_OVERLAP:
+        return f"overlap {overlap:.2f} of the smallest radius is above {MAX_OVERLAP:g}"
+    way = tables.dt * _top_speed(tables) / radius
+    if way > MAX_WAY:
+        return f"a sphere moves {way:.2f} of the smallest radius in a step, above {MAX_WAY:g}"
+    return None
+
+
+def _smallest_radius(tables: Tables) -> float:
+    return float(tables.state.spheres.place[:, 3].min())
+
+
+def _top_speed(tables: Tables) -> float:
+    """Fastest sphere against the fastest wall [m/s], or more."""
+    state, moving = tables.state, tables.state.moving
+    speeds = np.linalg.norm(moving.velocity, axis=1)
+    walls = speeds + np.linalg.norm(moving.spin, axis=1) * moving.reach
+    grains = state.bodies.kinematics[: state.counts[at.GRAINS]]
+    largest = float(state.bodies.scale.max()) * float(
+        np.linalg.norm(tables.shape[:, :3], axis=1).max()
+    )
+    spheres = np.linalg.norm(grains[:, 3:6], axis=1) + largest * np.linalg.norm(
+        grains[:, 6:9], axis=1
+    )
+    return float(walls.max()) + float(spheres.max(initial=0.0))
 
 
 def ends_early(setup: Setup, tables: Tables, watch: Watch, now: float) -> bool:
@@ -174,7 +204,6 @@ def _movement(
     positions, orientations, velocities, spins = _by_number(tables)
     gone = np.isfinite(state.exits.time)
     left = state.exits.state
-    radius = float(state.spheres.place[:, 3].min())
     status = "timed_out" if timed_out else "finished" if watch.why is None else "crashed"
     return Movement(
         status=status,  # type: ignore[arg-type]
@@ -188,7 +217,7 @@ def _movement(
         steps=int(state.counts[at.STEP]),
         sphere_steps=spheres_moved,
         timestep=tables.dt,
-        max_overlap=float(state.budget[at.OVERLAP]) / radius,
+        max_overlap=float(state.budget[at.OVERLAP]) / _smallest_radius(tables),
         max_kinetic_energy=float(state.budget[at.LARGEST_KINETIC]),
         cpu_s=cpu_s,
         snapshots={name: np.array(values) for name, values in watch.snapshots.items()},

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from fidelity.engine import Setup, sizes
 from mfopt.arrays import Array, IntArray
 
-# Places in `counts`.
-GRAINS, STEP, STALE, PAIRS, ENTRIES, TOUCHING, SIDE = range(7)
+# Places in `counts`. CROSSED: 1 + number of the wall that a sphere's centre went through; 0: none.
+GRAINS, STEP, STALE, PAIRS, ENTRIES, TOUCHING, SIDE, CROSSED = range(8)
 # Places in `budget` [J]; see `energy`.
 (
     KINETIC,
@@ -149,7 +149,7 @@ def new_state(setup: Setup, moving: Moving) -> State:
         [grain.mass * scale**3, np.asarray(grain.inertia) * (scale**5)[:, None]]
     )
     in_body = np.einsum("nij,ni->nj", rotation, kinematics[:, 6:9]) * inertia[:, 1:]
-    counts = np.zeros(7, dtype=np.int64)
+    counts = np.zeros(8, dtype=np.int64)
     counts[GRAINS], counts[STALE] = n, 1
     place = np.zeros((n * k, 4))
     turned = np.einsum("nij,kj->nki", rotation, grain.offsets) * scale[:, None, None]

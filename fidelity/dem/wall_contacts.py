@@ -13,10 +13,13 @@ a spring whose share shrinks keeps its stretch, not its force.
 import math
 
 from fidelity.dem.compiled import compiled, inlined
+from fidelity.dem.crossing import crossed_wall, may_have_crossed
 from fidelity.dem.law import Pair, contact_force
+from fidelity.dem.moving import to_body, to_space
 from fidelity.dem.pairs import add_viscous, inverse_contact_mass, rolling_moment, stored
 from fidelity.dem.state import (
     CONTACT_DAMPING,
+    CROSSED,
     ELASTIC,
     ENTRIES,
     OVERLAP,
@@ -54,14 +57,21 @@ def wall_forces(state, walls, surface, law, materials, dt, measure, found, keys)
         if count > 0:
             share_stiffness(found, count)
             take_over_history(walls, e, found, keys, count)
+            close = False
             for a in range(count):
                 budget[OVERLAP] = max(budget[OVERLAP], found[a, 3])
-                one_contact(state, law, materials, dt, measure, i, found, a, keys[a, 1], keys[a, 2])
+                close |= one_contact(
+                    state, law, materials, dt, measure, i, found, a, keys[a, 1], keys[a, 2]
+                )
                 walls.key[e, a] = keys[a, 0]
                 for c in range(3):
                     walls.history[e, a, c] = found[a, c]
                 for c in range(6):
                     walls.history[e, a, 3 + c] = found[a, 5 + c]
+            if close:
+                wall = crossed_wall(state, walls, surface, dt, e)
+                if wall >= 0:
+                    state.counts[CROSSED] = wall + 1
         walls.touching[e] = count
 
 
@@ -134,39 +144,6 @@ def find_contacts(walls, surface, moving, e, x, y, z, r, found, keys):  # type: 
 
 
 @inlined
-def to_body(moving, b, x, y, z):  # type: ignore[no-untyped-def]
-    """A point of space where the body was at time 0."""
-    if b == 0:
-        return x, y, z
-    px, py, pz = moving.pivot[b, 0], moving.pivot[b, 1], moving.pivot[b, 2]
-    x = x - moving.place[b, 0]
-    y = y - moving.place[b, 1]
-    z = z - moving.place[b, 2]
-    if moving.angle[b] == 0.0:
-        return x, y, z
-    x, y, z = x - px, y - py, z - pz
-    m = moving.rotation
-    return (
-        px + m[b, 0] * x + m[b, 3] * y + m[b, 6] * z,
-        py + m[b, 1] * x + m[b, 4] * y + m[b, 7] * z,
-        pz + m[b, 2] * x + m[b, 5] * y + m[b, 8] * z,
-    )
-
-
-@inlined
-def to_space(moving, b, x, y, z):  # type: ignore[no-untyped-def]
-    """A direction on the body as it is now in space."""
-    if moving.angle[b] == 0.0:
-        return x, y, z
-    m = moving.rotation
-    return (
-        m[b, 0] * x + m[b, 1] * y + m[b, 2] * z,
-        m[b, 3] * x + m[b, 4] * y + m[b, 5] * z,
-        m[b, 6] * x + m[b, 7] * y + m[b, 8] * z,
-    )
-
-
-@inlined
 def share_stiffness(found, count):  # type: ignore[no-untyped-def]
     """Weights (4) of the contacts in `found`."""
     for a in range(count):
@@ -213,7 +190,7 @@ def take_over_history(walls, e, found, keys, count):  # type: ignore[no-untyped-
 
 @inlined
 def one_contact(state, law, materials, dt, measure, i, found, a, body, wall):  # type: ignore[no-untyped-def]
-    """Force of contact `a` in `found` on the grain of sphere `i`."""
+    """Force of contact `a` in `found` on the grain of sphere `i`; whether `may_have_crossed`."""
     bodies, place, moving, budget = state.bodies, state.spheres.place, state.moving, state.budget
     kin = bodies.kinematics
     g = state.spheres.owner[i]
@@ -280,3 +257,11 @@ def one_contact(state, law, materials, dt, measure, i, found, a, body, wall):  #
         kin[g, 12] += mx
         kin[g, 13] += my
         kin[g, 14] += mz
+    # The centre moves as the point of contact does, but for the turning about that.
+    tx, ty, tz = wx - ox, wy - oy, wz - oz
+    ux, uy, uz = (
+        ux + arm * (ty * nz - tz * ny),
+        uy + arm * (tz * nx - tx * nz),
+        uz + arm * (tx * ny - ty * nx),
+    )
+    return may_have_crossed(r - overlap, r, ux, uy, uz, dt)
