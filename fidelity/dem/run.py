@@ -129,7 +129,7 @@ def _broken(setup: Setup, tables: Tables, start_energy: float, lift: float) -> s
     overlap = float(budget[at.OVERLAP]) / radius
     if overlap > MAX_OVERLAP:
         return f"overlap {overlap:.2f} of the smallest radius is above {MAX_OVERLAP:g}"
-    way = tables.dt * _top_speed(tables) / radius
+    way = tables.dt * float(state.drift[4]) / radius
     if way > MAX_WAY:
         return f"a sphere moves {way:.2f} of the smallest radius in a step, above {MAX_WAY:g}"
     return None
@@ -137,21 +137,6 @@ def _broken(setup: Setup, tables: Tables, start_energy: float, lift: float) -> s
 
 def _smallest_radius(tables: Tables) -> float:
     return float(tables.state.spheres.place[:, 3].min())
-
-
-def _top_speed(tables: Tables) -> float:
-    """Fastest sphere against the fastest wall [m/s], or more."""
-    state, moving = tables.state, tables.state.moving
-    speeds = np.linalg.norm(moving.velocity, axis=1)
-    walls = speeds + np.linalg.norm(moving.spin, axis=1) * moving.reach
-    grains = state.bodies.kinematics[: state.counts[at.GRAINS]]
-    largest = float(state.bodies.scale.max()) * float(
-        np.linalg.norm(tables.shape[:, :3], axis=1).max()
-    )
-    spheres = np.linalg.norm(grains[:, 3:6], axis=1) + largest * np.linalg.norm(
-        grains[:, 6:9], axis=1
-    )
-    return float(walls.max()) + float(spheres.max(initial=0.0))
 
 
 def ends_early(setup: Setup, tables: Tables, watch: Watch, now: float) -> bool:

@@ -30,6 +30,7 @@ def set_skins(state, reach, per_grain, time):  # type: ignore[no-untyped-def]
     place, listed, drift = state.spheres.place, state.spheres.listed, state.drift
     kin = state.bodies.kinematics
     drift[3] = time
+    fastest = 0.0
     for g in range(np.uint64(state.counts[GRAINS])):
         ux, uy, uz = kin[g, 3] - drift[0], kin[g, 4] - drift[1], kin[g, 5] - drift[2]
         for i in range(g * np.uint64(per_grain), (g + np.uint64(1)) * np.uint64(per_grain)):
@@ -38,10 +39,11 @@ def set_skins(state, reach, per_grain, time):  # type: ignore[no-untyped-def]
             vy = uy + kin[g, 8] * bx - kin[g, 6] * bz
             vz = uz + kin[g, 6] * by - kin[g, 7] * bx
             way = reach.ahead * math.sqrt(vx * vx + vy * vy + vz * vz)
+            fastest = max(fastest, way)
             skin = min(reach.most, reach.least + way)
             listed[i, 0], listed[i, 1], listed[i, 2] = place[i, 0], place[i, 1], place[i, 2]
             listed[i, 3] = skin * skin
-    moving = state.moving
+    moving, fastest_wall = state.moving, 0.0
     for b in range(moving.place.shape[0]):
         speed = spin = 0.0
         for c in range(3):
@@ -49,8 +51,10 @@ def set_skins(state, reach, per_grain, time):  # type: ignore[no-untyped-def]
             spin += moving.spin[b, c] ** 2
             moving.listed[b, c] = moving.place[b, c]
         way = reach.ahead * (math.sqrt(speed) + math.sqrt(spin) * moving.reach[b])
+        fastest_wall = max(fastest_wall, way)
         moving.listed[b, 3] = moving.angle[b]
         moving.listed[b, 4] = min(reach.most, way + (reach.least if way > 0.0 else 0.0))
+    drift[4] = (fastest + fastest_wall) / reach.ahead
 
 
 @compiled

@@ -127,7 +127,9 @@ class State(NamedTuple):
     exits: Exits
     counts: IntArray  # see the places above
     budget: Array
-    drift: Array  # (4,) velocity [m/s] that most grains share, and time of the lists [s]
+    # (5,) velocity [m/s] that most grains share, time of the lists [s], and speed of the fastest
+    # sphere against the fastest wall at that time [m/s], or more
+    drift: Array
     wall_force: Array  # (w, 3) what the grains exerted on each wall in this step [N]
 
 
@@ -173,7 +175,7 @@ def new_state(setup: Setup, moving: Moving) -> State:
         Exits(np.full(n, np.nan), np.zeros((n, 13))),
         counts,
         np.zeros(12),
-        np.zeros(4),
+        np.zeros(5),
         np.zeros((max(1, len(setup.walls)), 3)),
     )
 

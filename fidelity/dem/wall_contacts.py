@@ -13,13 +13,12 @@ a spring whose share shrinks keeps its stretch, not its force.
 import math
 
 from fidelity.dem.compiled import compiled, inlined
-from fidelity.dem.crossing import crossed_wall, may_have_crossed
+from fidelity.dem.crossing import may_have_crossed, note_crossing
 from fidelity.dem.law import Pair, contact_force
 from fidelity.dem.moving import to_body, to_space
 from fidelity.dem.pairs import add_viscous, inverse_contact_mass, rolling_moment, stored
 from fidelity.dem.state import (
     CONTACT_DAMPING,
-    CROSSED,
     ELASTIC,
     ENTRIES,
     OVERLAP,
@@ -57,21 +56,18 @@ def wall_forces(state, walls, surface, law, materials, dt, measure, found, keys)
         if count > 0:
             share_stiffness(found, count)
             take_over_history(walls, e, found, keys, count)
-            close = False
+            deepest = 0.0
             for a in range(count):
-                budget[OVERLAP] = max(budget[OVERLAP], found[a, 3])
-                close |= one_contact(
-                    state, law, materials, dt, measure, i, found, a, keys[a, 1], keys[a, 2]
-                )
+                deepest = max(deepest, found[a, 3])
+                one_contact(state, law, materials, dt, measure, i, found, a, keys[a, 1], keys[a, 2])
                 walls.key[e, a] = keys[a, 0]
                 for c in range(3):
                     walls.history[e, a, c] = found[a, c]
                 for c in range(6):
                     walls.history[e, a, 3 + c] = found[a, 5 + c]
-            if close:
-                wall = crossed_wall(state, walls, surface, dt, e)
-                if wall >= 0:
-                    state.counts[CROSSED] = wall + 1
+            budget[OVERLAP] = max(budget[OVERLAP], deepest)
+            if may_have_crossed(place[i, 3], deepest, state.drift[4], dt):
+                note_crossing(state, walls, surface, dt, e)
         walls.touching[e] = count
 
 
@@ -190,7 +186,7 @@ def take_over_history(walls, e, found, keys, count):  # type: ignore[no-untyped-
 
 @inlined
 def one_contact(state, law, materials, dt, measure, i, found, a, body, wall):  # type: ignore[no-untyped-def]
-    """Force of contact `a` in `found` on the grain of sphere `i`; whether `may_have_crossed`."""
+    """Force of contact `a` in `found` on the grain of sphere `i`."""
     bodies, place, moving, budget = state.bodies, state.spheres.place, state.moving, state.budget
     kin = bodies.kinematics
     g = state.spheres.owner[i]
@@ -257,11 +253,3 @@ def one_contact(state, law, materials, dt, measure, i, found, a, body, wall):  #
         kin[g, 12] += mx
         kin[g, 13] += my
         kin[g, 14] += mz
-    # The centre moves as the point of contact does, but for the turning about that.
-    tx, ty, tz = wx - ox, wy - oy, wz - oz
-    ux, uy, uz = (
-        ux + arm * (ty * nz - tz * ny),
-        uy + arm * (tz * nx - tx * nz),
-        uz + arm * (tx * ny - ty * nx),
-    )
-    return may_have_crossed(r - overlap, r, ux, uy, uz, dt)
