@@ -12,7 +12,7 @@ import importlib.util
 import sys
 from dataclasses import dataclass
 
-from fidelity.engine import Grain, Material, Movement, Physics, Setup
+from fidelity.engine import Grain, Material, Movement, Physics, Setup, checked
 from fidelity.exchange import failed_movement, read_movement, write_setup
 from fidelity.process import run_logged
 from fidelity.refuse import refuse
@@ -95,7 +95,7 @@ class BulletEngine:
             return failed_movement(
                 setup, "crashed", f"{why}\n{ended.last_lines}", cpu_s=ended.cpu_s
             )
-        return movement
+        return checked(movement)
 
 
 def remedy(python: tuple[int, int]) -> str:

@@ -5,12 +5,14 @@ a `Movement`; the scene turns that into an outcome. The same holds for filling t
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, Protocol
 
 import numpy as np
 
+from fidelity.sound import require_numbers
 from mfopt.arrays import Array, IntArray
+from mfopt.errors import ConfigError
 from mfopt.outcome import Status
 
 ContactLaw = Literal["linear", "hertz"]
@@ -44,6 +46,15 @@ class Grain:
     mass: float  # [kg], overlaps counted once
     inertia: Array  # (3,) principal moments about x, y, z [kg m2]
 
+    def __post_init__(self) -> None:
+        k = len(self.radii)
+        if k == 0:
+            raise ConfigError("a grain of 0 spheres has no shape; give at least 1")
+        require_numbers("centres of a grain's spheres [m]", self.offsets, (k, 3))
+        require_numbers("radii of a grain's spheres [m]", self.radii, (k,), above=0.0)
+        require_numbers("mass of a grain [kg]", np.asarray(self.mass), (), above=0.0)
+        require_numbers("moments of inertia of a grain [kg m2]", self.inertia, (3,), above=0.0)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Packing:
@@ -52,6 +63,16 @@ class Packing:
     positions: Array  # (n, 3) mass centres [m]
     orientations: Array  # (n, 4) unit quaternions w, x, y, z: grain frame to space
     scales: Array | None = None  # (n,) size relative to `Setup.grain`; None: all are 1
+
+    def __post_init__(self) -> None:
+        n = len(self.positions)
+        if n == 0:
+            raise ConfigError("a packing of 0 grains has nothing to move; give at least 1 grain")
+        require_numbers("positions of grains [m]", self.positions, (n, 3))
+        require_numbers("orientations of grains", self.orientations, (n, 4))
+        lengths = np.linalg.norm(self.orientations, axis=1)
+        require_numbers("lengths of the grains' quaternions", lengths, (n,), above=0.0)
+        require_numbers("scales of grains", sizes(self), (n,), above=0.0)
 
 
 def sizes(packing: Packing) -> Array:
@@ -72,6 +93,20 @@ class WallMotion:
     axis: tuple[float, float, float] = (0.0, 1.0, 0.0)  # unit vector
     pivot: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [m]
 
+    def __post_init__(self) -> None:
+        m = len(self.times)
+        if m == 0:
+            raise ConfigError("a wall's motion has 0 samples; give at least 1, at time 0")
+        require_numbers("times of a wall's motion [s]", self.times, (m,))
+        require_numbers(
+            "steps between times of a wall's motion [s]", np.diff(self.times), (m - 1,), above=0.0
+        )
+        require_numbers("displacements of a wall [m]", self.displacements, (m, 3))
+        if self.angles is not None:
+            require_numbers("angles of a wall [rad]", self.angles, (m,))
+        require_numbers("axis of a wall's motion", np.asarray(self.axis), (3,))
+        require_numbers("pivot of a wall's motion [m]", np.asarray(self.pivot), (3,))
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Wall:
@@ -82,6 +117,16 @@ class Wall:
     triangles: IntArray  # (t, 3)
     material: Material
     motion: WallMotion | None = None  # None: it stands still
+
+    def __post_init__(self) -> None:
+        v, t = len(self.vertices), len(self.triangles)
+        require_numbers(f"corners of the wall {self.name!r} [m]", self.vertices, (v, 3))
+        require_numbers(f"triangles of the wall {self.name!r}", self.triangles, (t, 3), above=-1)
+        if t == 0 or np.max(self.triangles) >= v:
+            raise ConfigError(
+                f"wall {self.name!r}: its {t} triangles must be at least 1, "
+                f"and name corners from 0 to {v - 1}"
+            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,6 +181,16 @@ class Setup:
     # tells what became of them. False: a grain that goes through a wall breaks the run.
     may_pinch: bool = False
 
+    def __post_init__(self) -> None:
+        n = len(self.packing.positions)
+        for name in ("velocities", "angular_velocities"):
+            values = getattr(self, name)
+            if values is not None:
+                require_numbers(f"{name} of grains", values, (n, 3))
+        if len(np.unique(self.packing.positions, axis=0)) < n:
+            raise ConfigError("two grains are at the same position; move them apart")
+        require_numbers("duration of a run [s]", np.asarray(self.duration), (), above=0.0)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Movement:
@@ -161,6 +216,17 @@ class Movement:
     # them "snapshot_wall_forces" (s, w, 3) [N], what the grains exert on each wall
     energy: Mapping[str, float] = field(default_factory=dict)
     # [J] where the engine keeps a balance, see there
+
+
+def checked(movement: Movement) -> Movement:
+    """The movement, as crashed if it finished with places or velocities that are no numbers."""
+    places = (movement.positions, movement.orientations)
+    speeds = (movement.velocities, movement.angular_velocities)
+    lost = ~np.isfinite(np.hstack([*places, *speeds])).all(axis=1)
+    if movement.status != "finished" or not lost.any():
+        return movement
+    why = f"the place or velocity of {lost.sum()} of {len(lost)} grains is not a number"
+    return replace(movement, status="crashed", why=why)
 
 
 class Engine(Protocol):

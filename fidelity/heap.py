@@ -118,10 +118,10 @@ def _cylinder(
 def heap_result(grain: Grain, movement: Movement) -> Heap:
     """Tell from the movement what the heap looks like."""
     there = np.isnan(movement.exit_times)
-    packing = Packing(movement.positions[there], movement.orientations[there])
     fallen = int((~there).sum())
     if not there.any():
         return Heap(math.nan, 0.0, frozen([]), frozen([]), 0.0, fallen)
+    packing = Packing(movement.positions[there], movement.orientations[there])
     axis = np.median(packing.positions[:, :2], axis=0)
     away = np.linalg.norm(packing.positions[:, :2] - axis, axis=1)
     radius = 2.0 * float(np.median(away))

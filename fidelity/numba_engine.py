@@ -20,6 +20,7 @@ from fidelity.engine import (
     Setup,
     Wall,
     WallMotion,
+    checked,
     sizes,
 )
 from mfopt.errors import ConfigError
@@ -80,7 +81,7 @@ class NumbaEngine:
         dt = min(
             self.timestep(smallest, setup.grain_material, wall, setup.physics) for wall in walls
         )
-        return run(setup, dt, time_limit_s)
+        return checked(run(setup, dt, time_limit_s))
 
 
 def scaled(grain: Grain, scale: float) -> Grain:

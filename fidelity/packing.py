@@ -139,12 +139,12 @@ def _settle(engine: Engine, order: Order, time_limit_s: float) -> Settled:
             settle=True,
         )
         movement = engine.move(setup, time_limit_s=time_limit_s)
-        packing = Packing(frozen(movement.positions), frozen(movement.orientations))
         cpu_s += movement.cpu_s
         work += movement.sphere_steps * engine.cost_factor
         why = movement.why
         if movement.status != "finished":
             break
+        packing = Packing(frozen(movement.positions), frozen(movement.orientations))
     why = why or _flaw(order, packing)
     if why is not None:
         raise SimulationError(f"settling the portion in the cup failed: {why}")

@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import Literal
 
-from fidelity.engine import Grain, Material, Movement, Physics, Setup, sizes
+from fidelity.engine import Grain, Material, Movement, Physics, Setup, checked, sizes
 from fidelity.exchange import failed_movement, read_movement, write_setup
 from fidelity.process import Ended, run_logged
 from fidelity.refuse import refusal, refuse
@@ -98,7 +98,7 @@ class YadeEngine:
             return failed_movement(setup, "timed_out", why, cpu_s=ended.cpu_s)
         if ended.returncode != 0 or movement is None:
             return failed_movement(setup, "crashed", _why(ended), cpu_s=ended.cpu_s)
-        return movement
+        return checked(movement)
 
     def _smallest_timestep(self, setup: Setup) -> float:
         wall_material = setup.walls[0].material if setup.walls else setup.grain_material

@@ -121,7 +121,7 @@ def let_out(given: dict[str, Any], grains: Grains, interval: float) -> None:
     staying = []
     for i in grains.numbers:
         z = float(grains.states[i].pos[2])
-        if z >= exit_z:
+        if not z < exit_z:  # nor if it is not a number: that is for `examine` to find
             grains.z[i] = z
             staying.append(i)
             continue
