@@ -8,7 +8,6 @@ import pytest
 
 from benchmarks.engine.small_scenes import (
     DENSITY,
-    LEVEL,
     LIMIT_S,
     RATIO,
     R,
@@ -19,7 +18,7 @@ from benchmarks.engine.small_scenes import (
     still,
     turned,
 )
-from fidelity.engine import ContactLaw, Movement, Packing, Setup, WallMotion
+from fidelity.engine import ContactLaw, Movement, Setup, WallMotion
 from fidelity.numba_engine import NumbaEngine
 
 SOFT = 1e5  # [Pa]
@@ -106,16 +105,13 @@ def test_a_wall_that_hits_a_sphere_goes_through_as_well(turning: bool) -> None:
 
 def test_a_small_grain_that_a_large_one_pushes_through_the_floor_is_told() -> None:
     small, large = 0.5, 2.0
-    packing = Packing(
-        R * np.array([[0.0, 0.0, small], [0.0, 0.0, 2 * small + large]]),
-        np.tile(LEVEL, (2, 1)),
-        np.array([small, large]),
-    )
-    setup = scene(
-        spheres_in_line(1), [Start((0, 0, 0))] * 2, plane(), physics=still(), duration=0.01
-    )
-    pushed = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -4.0]])
-    movement = run(replace(setup, packing=packing, velocities=pushed))
+    starts = [
+        Start((0.0, 0.0, R * small)),
+        Start((0.0, 0.0, R * (2 * small + large)), velocity=(0.0, 0.0, -4.0)),
+    ]
+    setup = scene(spheres_in_line(1), starts, plane(), physics=still(), duration=0.01)
+    sizes = np.array([small, large])
+    movement = run(replace(setup, packing=replace(setup.packing, scales=sizes)))
     assert movement.status == "crashed"
     assert "went through the wall 'plane'" in (movement.why or "")
 
