@@ -220,9 +220,14 @@ class Movement:
 
 def checked(movement: Movement) -> Movement:
     """The movement, as crashed if it finished with places or velocities that are no numbers."""
-    places = (movement.positions, movement.orientations)
-    speeds = (movement.velocities, movement.angular_velocities)
-    lost = ~np.isfinite(np.hstack([*places, *speeds])).all(axis=1)
+    lost = np.zeros(len(movement.positions), dtype=bool)
+    for values in (
+        movement.positions,
+        movement.orientations,
+        movement.velocities,
+        movement.angular_velocities,
+    ):
+        lost |= ~np.isfinite(values).all(axis=1)
     if movement.status != "finished" or not lost.any():
         return movement
     why = f"the place or velocity of {lost.sum()} of {len(lost)} grains is not a number"

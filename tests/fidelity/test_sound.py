@@ -82,13 +82,15 @@ def test_a_place_or_speed_that_is_not_a_number_is_a_crash(field: str) -> None:
 
 
 @on_every_engine
-def test_spheres_of_two_grains_in_one_place_are_a_crash_or_pushed_apart(engine: Engine) -> None:
-    # Crosswise, so that the grains' mass centres differ and their end spheres coincide.
-    way = 1.25 * R
-    packing = Packing(np.array([[0.0, 0.0, 0.05], [2 * way, 0.0, 0.05]]), level(2))
-    setup = replace(pile_in_box(0.01), grain=GRAIN, packing=packing)
+def test_spheres_of_two_grains_in_one_place_are_a_crash(engine: Engine) -> None:
+    ends = np.array([[0.0, 0.0, 0.05], [2.5 * R, 0.0, 0.05]])  # the last sphere and the first
+    setup = replace(pile_in_box(0.01), grain=GRAIN, packing=Packing(ends, level(2)))
+    assert engine.move(setup, time_limit_s=LIMIT_S).status == "crashed"
+
+
+@on_every_engine
+def test_grains_too_near_to_be_told_apart_end_with_numbers_or_a_crash(engine: Engine) -> None:
+    near = Packing(np.array([[0.0, 0.0, 0.05], [1e-300, 0.0, 0.05]]), level(2))
+    setup = replace(pile_in_box(0.01), grain=line_of(1), packing=near)
     movement = engine.move(setup, time_limit_s=LIMIT_S)
-    if movement.status == "finished":
-        assert np.isfinite(movement.positions).all()
-    else:
-        assert movement.status == "crashed"
+    assert movement.status == "crashed" or np.isfinite(movement.positions).all()
