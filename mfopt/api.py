@@ -1,7 +1,7 @@
 """`minimize`: the user's own simulators over a ladder of levels, in one call."""
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mfopt.arrays import frozen
+from mfopt.arrays import Array, frozen
 from mfopt.assisted import AssistedCmaEs
 from mfopt.begin import begin, budgets
 from mfopt.check import check_levels
 from mfopt.checks import shown, whole
 from mfopt.cmaes import CmaEs
 from mfopt.errors import ConfigError
+from mfopt.evaluation import Evaluation
 from mfopt.executor import Runner, one_thread
 from mfopt.function_level import FunctionLevel, Simulator
 from mfopt.header import header
@@ -25,7 +26,7 @@ from mfopt.memory import Memory
 from mfopt.minimum import Minimum, minimum
 from mfopt.objective import judged, objective_named
 from mfopt.problem import Constraint, Problem, Variable
-from mfopt.run import run_study
+from mfopt.run import Progress, Run, run_of, run_study
 from mfopt.scratch import scratch
 from mfopt.search import (
     MOST_WORKERS,
@@ -37,7 +38,7 @@ from mfopt.search import (
     rungs,
     window,
 )
-from mfopt.store import writing
+from mfopt.store import RunDirectory, writing
 from mfopt.surrogate import Surrogate
 
 log = logging.getLogger(__name__)
@@ -97,7 +98,8 @@ def minimize(
 
     Raises:
         ConfigError: if an argument is wrong, or `directory` holds another run.
-        MfoptError: if the first three runs of a level fail, or no run at the last level finished.
+        SimulationError: if the first runs of a level, at the start, all fail.
+        MfoptError: if no run at the last level finished.
     """
     workers = whole("workers", workers, 1, MOST_WORKERS)
     ladder = Ladder(_as_levels(levels, costs))
@@ -135,24 +137,50 @@ def minimize(
                 method="cma-es" if surrogate is None else "assisted", workers=workers,
                 settings={"search": settings},
             ), resume=True)  # fmt: skip
-            if before := run.made:
+            if run.made:
                 log.warning(
-                    "%d runs stored in %s are used; if a function has changed since, which cannot "
-                    "be seen, give another directory", before, path,
+                    "the runs stored in %s are used; if a function has changed since, which cannot "
+                    "be seen, give another directory", path,
                 )  # fmt: skip
-            checked = check_levels(
-                ladder, problem.baseline, runner, partial(judged, objective_named("returned")),
-                recall=Memory(run).recall,
-            )  # fmt: skip
-            search = search_within(budgets(run.header))
+            within = budgets(run.header)
+            search = search_within(within)
+            checked: tuple[Evaluation, ...] = ()
+            if not within or sum(rung.cost for rung in costs_of_runs) <= within[0]:
+                planned = Ladder(tuple(ladder[stage.level] for stage in plan)) if plan else ladder
+                checked = _started(planned, problem.baseline, runner, run)
+            watched: list[Progress] = []
             best = run_study(
                 problem, ladder, lambda _: search, runner, run, confirm_on=ladder, confirm_seeds=0,
-                checked=checked.evaluations, window=window(run.header["workers"]),
+                checked=checked, window=window(run.header["workers"]), watch=watched.append,
             )  # fmt: skip
-            evaluations = tuple(run.evaluations())
-            stored = len(evaluations) - (run.made - before)
+            evaluations = _once(problem, run.evaluations())
+            stored = len(evaluations) - sum(not its.replayed for its in watched)
     target = plan[-1].level if plan else ladder.top.name
     return minimum(problem, search, best, evaluations, target=target, stored=stored)
+
+
+def _started(ladder: Ladder, x: Array, runner: Runner, run: RunDirectory) -> tuple[Evaluation, ...]:
+    """A run of every level at the start `x` (d,): a level that cannot run is found here.
+
+    Raises:
+        SimulationError: if the first runs of a level all fail.
+    """
+    judge = partial(judged, objective_named("returned"))
+    return check_levels(ladder, x, runner, judge, recall=Memory(run).recall).evaluations
+
+
+def _once(problem: Problem, evaluations: Iterable[Evaluation]) -> tuple[Evaluation, ...]:
+    """The evaluations, but for those that the search took from the first run of a level."""
+    first: set[Run] = set()
+    kept = []
+    for e in evaluations:
+        run = run_of(problem, e.candidate)
+        if e.candidate.purpose == "check":
+            first.add(run)
+        elif run in first:
+            continue
+        kept.append(e)
+    return tuple(kept)
 
 
 def _check_way(

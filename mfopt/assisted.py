@@ -112,7 +112,9 @@ class AssistedCmaEs:
         self._sigma = sigma
         self._objective, self._seeds, self._first_seed = objective, seeds, first_seed
         self._rng = np.random.default_rng(seed)
-        self._start = problem.start(problem.baseline if start is None else start)
+        first = problem.baseline if start is None else start
+        self._start = problem.start(first)
+        self._given = {self._start.tobytes(): frozen(first)}  # designs, by z, in physical units
         self._archive = Archive.empty(problem.dimension)
         self._number, self._restarts, self._why = 1, 0, "start"
         self._level, self._lowest, self._target = 0, 0, len(rungs) - 1
@@ -152,7 +154,7 @@ class AssistedCmaEs:
     def recommended(self) -> Array | None:
         """The design (d,) to build, as far as is known; None before a run has finished."""
         z = self._recommended()
-        return None if z is None else frozen(self._problem.to_x(z))
+        return None if z is None else self._x(z)
 
     def ask(self, n: int | None = None) -> list[Candidate]:
         """Propose up to `n` runs; fewer, or none, while results must come first.
@@ -189,6 +191,7 @@ class AssistedCmaEs:
                 z, level = run.z, run.level
             else:
                 z, level = self._problem.to_z(candidate.x), self._index(candidate.level)
+                self._given[z.tobytes()] = candidate.x
                 self._plan.spent[level] += self._rungs[level].cost
                 self._plan.drop(z, level)
             self._archive = self._archive.added(z, level, candidate.seed, usable(value), row)
@@ -205,10 +208,14 @@ class AssistedCmaEs:
         if best is None or self._belief is None:
             return [] if best is None else [best]
         others = self._belief.ranked(len(self._rungs) - 1)[:n]
-        return distinct([best, *(frozen(self._problem.to_x(z)) for z in others)])[:n]
+        return distinct([best, *(self._x(z) for z in others)])[:n]
 
     def _index(self, level: str) -> int:
         return [rung.level for rung in self._rungs].index(level)
+
+    def _x(self, z: Array) -> Array:
+        """The design `z` (d,) in physical units; one that was given so, bit for bit as it was."""
+        return self._given.get(z.tobytes(), frozen(self._problem.to_x(z)))
 
     def _begin_next(self) -> Candidate:
         number, run = self._plan.begin()
@@ -217,7 +224,7 @@ class AssistedCmaEs:
             spent, runs = self._since_validation
             self._since_validation = (spent + rung.cost, runs + 1)
         seed = self._first_seed + self._number % self._seeds if run.seed is None else run.seed
-        x = frozen(self._problem.to_x(run.z))
+        x = self._x(run.z)
         return Candidate(number, x, rung.level, seed, self._number)
 
     @property
@@ -442,7 +449,7 @@ class AssistedCmaEs:
         )
         return Insight(
             number, certain, runs, self._rungs[level].level,
-            tuple(map(float, self._problem.to_x(z))), mean, deviation,
+            tuple(map(float, self._x(z))), mean, deviation,
             positive=bool((self._archive.value > 0.0).all()),
         )  # fmt: skip
 

@@ -114,7 +114,7 @@ class Problem:
                     f"{v.lower:g} to {v.upper:g}; move the start or widen the bounds"
                 )
         z = self.to_z(x)
-        if (why := self.impossible(self.to_x(z))) is not None:
+        if (why := self.impossible(x) or self.impossible(self.to_x(z))) is not None:
             named = ", ".join(f"{name} = {value:g}" for name, value in self.named(x).items())
             raise ConfigError(f"the start is impossible: {why}; give another start than {named}")
         return z

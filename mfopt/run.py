@@ -66,7 +66,7 @@ class _Loop:
         found = self.memory.recall(candidate)
         if found is not None:
             return found
-        outcome = self.checked.get(_run_of(self.problem, candidate))
+        outcome = self.checked.get(run_of(self.problem, candidate))
         if outcome is None:
             return None
         free = replace(outcome, work=0.0, cpu_s=0.0)  # the check has spent it
@@ -135,7 +135,7 @@ def run_study(
     Returns:
         An evaluation of the best design, at the highest level that has one.
     """
-    at_check = {_run_of(problem, e.candidate): e.outcome for e in checked}
+    at_check = {run_of(problem, e.candidate): e.outcome for e in checked}
     loop = _Loop(problem, Memory(run), runner, objective_settings, window, watch, at_check)
     try:
         loop.keep(checked)
@@ -143,7 +143,7 @@ def run_study(
         before = [*checked, *loop.evaluate(first, ladder, objective)]
         start = next(iter(by_mean(before[len(checked) :])), None)
         search = make_search(problem.baseline if start is None else start)
-        told = list({_run_of(problem, e.candidate): e for e in before}.values())
+        told = list({run_of(problem, e.candidate): e for e in before}.values())
         if told:
             search.tell(
                 [e.candidate for e in told],
@@ -240,7 +240,7 @@ def _tell_apart(
     return made, rivals[0] if rivals else None
 
 
-def _run_of(problem: Problem, candidate: Candidate) -> Run:
+def run_of(problem: Problem, candidate: Candidate) -> Run:
     """What a run depends on; designs that differ by rounding are the same."""
     z = np.round(problem.to_z(candidate.x), SAME_DESIGN) + 0.0  # no -0.0
     return candidate.level, candidate.seed, z.tobytes()

@@ -207,9 +207,11 @@ def affordable(budget: float | Sequence[float], rungs: Sequence[Rung]) -> tuple[
     given: Sequence[float] = budget if several else [budget]  # type: ignore[assignment, list-item]
     target = rungs[-1]
     budgets = tuple(number("budget", its, highest=MOST_BUDGET * target.cost) for its in given)
-    if not budgets or budgets[0] < target.cost:
+    if not budgets:
+        raise ConfigError("budget = [] is none; give at least one")
+    if budgets[0] < target.cost:
         raise ConfigError(
-            f"budget = {shown(budget)} is below the cost of one run at {target.level!r}, "
+            f"budget = {budgets[0]:g} is below the cost of one run at {target.level!r}, "
             f"{target.cost:g}; raise it"
         )
     for before, after in pairwise(budgets):
