@@ -83,21 +83,18 @@ def test_a_function_that_exits_ends_no_script() -> None:
         mfopt.minimize({"f": leaving}, BOUNDS, generations=1)
 
 
-def test_a_dear_level_that_cannot_run_is_found_before_anything_is_spent() -> None:
-    calls = 0
-
-    def cheap(x: Array, seed: int) -> float:
-        nonlocal calls
-        calls += 1
-        return shifted_sphere(x, seed)
+@pytest.mark.parametrize("name", ["coarse", "fine"])
+def test_a_level_that_never_runs_stops_the_search_before_it_spends(name: str) -> None:
+    calls = []
 
     def broken(x: Array, seed: int) -> float:
         calls.append(seed)
         raise RuntimeError("licence expired")
 
-    with pytest.raises(mfopt.MfoptError, match=r"level 'fine' cannot run(.|\s)*licence"):
-        mfopt.minimize({"coarse": cheap, "fine": broken}, BOUNDS, generations=5)
-    assert calls == 1
+    functions = {"coarse": shifted_sphere, "fine": shifted_sphere} | {name: broken}
+    with pytest.raises(mfopt.MfoptError, match=rf"'{name}' cannot run[^\n]*\n.*licence expired"):
+        mfopt.minimize(**ASSISTED | {"levels": functions})  # type: ignore[arg-type]
+    assert calls == [1, 2, 3]
 
 
 def test_a_function_that_works_at_the_start_alone_gives_the_start() -> None:
@@ -205,7 +202,7 @@ def test_wrong_arguments_of_the_assisted_search_are_named(
 
 def test_a_budget_of_one_run_is_the_start_s() -> None:
     best = mfopt.minimize(**ASSISTED | {"budget": 1, "costs": {"coarse": 1, "fine": 64}})  # type: ignore[arg-type]
-    assert [e.candidate.purpose for e in best.evaluations] == ["check", "check"]
+    assert [e.candidate.level for e in best.evaluations] == ["fine"]
     assert best.f == shifted_sphere(np.array([0.5, 0.0]), 0)
 
 
@@ -255,26 +252,10 @@ def test_runs_of_a_kept_directory_are_said_to_be_used(
         best = mfopt.minimize(
             {"f": shifted_sphere}, BOUNDS, generations=2, directory=tmp_path / "r"
         )
-    assert best.stored == len(best.evaluations) == 13  # the start is the check's run, used again
+    assert best.stored == len(best.evaluations) == 12
     (record,) = (r.getMessage() for r in caplog.records)
     assert record.startswith(f"the runs stored in {tmp_path / 'r'} are used")
     assert "12 of all were stored before" in str(best)
-
-
-def test_a_broken_level_is_named_before_the_budget_is_spent() -> None:
-    calls = 0
-
-    def broken(x: Array, seed: int) -> float:
-        nonlocal calls
-        calls += 1
-        raise NameError("name 'y' is not defined")
-
-    with pytest.raises(mfopt.MfoptError, match=r"level 'c' cannot run(.|\s)*NameError: name 'y'"):
-        mfopt.minimize(
-            {"c": broken, "f": shifted_sphere}, BOUNDS, costs={"c": 1, "f": 100},
-            surrogate=AutoregressiveGp(), budget=40,
-        )  # fmt: skip
-    assert calls == 3
 
 
 def test_a_level_that_soon_fails_is_left_and_the_target_is_searched() -> None:
