@@ -129,10 +129,8 @@ def largest_overlap(grain: Grain, packing: Packing) -> float:
 
 def flaw(grain: Grain, section: Section, top: float, grains: int, packing: Packing) -> str | None:
     """Why a packing in a cup with its floor at z = 0 cannot be used, or None."""
-    if packing.positions.shape != (grains, 3) or packing.orientations.shape != (grains, 4):
+    if len(packing.positions) != grains:
         return f"it holds {len(packing.positions)} grains instead of {grains}"
-    if not (np.isfinite(packing.positions).all() and np.isfinite(packing.orientations).all()):
-        return "it holds numbers that are not finite"
     if np.abs(np.linalg.norm(packing.orientations, axis=1) - 1).max() > 1e-6:
         return "it holds orientations that are no unit quaternions"
     centres, slack = sphere_centres(grain, packing), MOST_OVERLAP * float(grain.radii.min())
