@@ -3,8 +3,8 @@
     python -m benchmarks.search.dosing --out DIR [--seeds 1-5] [--top 300] [--confirm 20]
 
 For each seed both studies are run by `mfopt run`, one after the other; their best designs are
-compared by the median objective over fresh fillings of the cup. The planned study is that of
-`examples/rice-planned.toml` without its levels above the top one; its work is what the assisted
+compared by the median objective over fresh fillings of the cup. The planned study goes
+through `STAGES` up to the top level; its work is what the assisted
 search may spend. A run that is there is resumed or taken as it is.
 """
 

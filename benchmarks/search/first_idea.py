@@ -110,7 +110,8 @@ def confirmed(out: Path, text: str, study: Study, seed: int) -> list[Numbers]:
     run, file = out / f"seed-{seed}", out / f"seed-{seed}.toml"
     head = f"seed = {study.study.seed}"
     assert text.count(head) == 1, f"the study must say {head!r} once"
-    file.write_text(text.replace(head, f"seed = {seed}"), encoding="utf-8")
+    text = text.replace(head, f"seed = {seed}").replace("\nreference = ", "\n# reference = ")
+    file.write_text(text, encoding="utf-8")
     command = [sys.executable, "-m", "mfopt", "run", str(file), "-d", str(run), "--resume", "-q"]
     done = subprocess.run(command, capture_output=True, text=True)
     if done.returncode:
