@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from yade_scenes import BOXED, LIMIT_S
+from yade_scenes import BOXED, LIMIT_S, lattice
 
 from fidelity.engine import Movement
 from fidelity.yade import PROGRAMS, Precision, YadeEngine
@@ -63,7 +63,7 @@ def open_ports() -> dict[str, str]:
 def test_nothing_listens_while_yade_runs(precision: Precision) -> None:
     if shutil.which(PROGRAMS[precision]) is None:
         pytest.skip(f"{PROGRAMS[precision]} is not installed")
-    engine, scene = YadeEngine(precision), replace(BOXED, duration=0.05)
+    engine, scene = YadeEngine(precision), replace(BOXED, packing=lattice(6), duration=0.05)
     movements: list[Movement] = []
     run = threading.Thread(
         target=lambda: movements.append(engine.move(scene, time_limit_s=LIMIT_S))
