@@ -23,10 +23,12 @@ from mfopt.level import Ladder, Level
 from mfopt.limits import Grains, Name, TimeLimit, Word, Work
 from mfopt.phases import Starts
 from mfopt.problem import Problem, Variable
+from mfopt.search import rungs
 from mfopt.settings import Settings, checked
 from mfopt.study import ProblemSettings, Study
 from mfopt.swap import check_pair
 
+START_SHARE = 0.25  # of the budget that simple motions may cost, where one seed each allows it
 START_SEEDS = 3  # on which simple motions are compared, if the search has so many
 SNAPSHOTS = 4  # moments of the best run that the report shows
 
@@ -116,24 +118,33 @@ def assemble(study: Study, *, where: str) -> Assembled:
     }
     described = tuple(description for _, description in made)
     ladder = Ladder(levels)
+    _check_order(ladder, problem, where)
     reference, reference_level = _reference(study, ladder, f"{where}: confirm.reference")
     return Assembled(
         problem, ladder, Ladder(detailed), dosing, described, versions,
-        _starts(problem, ladder, dosing, study.search.seeds), reference, reference_level,
+        None if dosing is None else _starts(study, problem, ladder), reference, reference_level,
     )  # fmt: skip
 
 
-def _starts(
-    problem: Problem, ladder: Ladder, dosing: DosingSettings | None, seeds: int
-) -> Starts | None:
+def _starts(study: Study, problem: Problem, ladder: Ladder) -> Starts | None:
     """The simple motions of a dosing study, compared at its first level with grains."""
-    if dosing is None:
-        return None
     designs = starting_designs(problem)
     if len(designs) == 1:
         return None
-    with_grains = [level.name for level in ladder if isinstance(level, DosingLevel)]
-    return Starts(designs, (with_grains or ladder.names)[0], min(seeds, START_SEEDS))
+    level = next((level for level in ladder if isinstance(level, DosingLevel)), ladder.levels[0])
+    seeds = min(study.search.seeds, START_SEEDS)
+    if (budget := study.search.budget) is not None:
+        work = len(designs) * level.work(problem.baseline)
+        most = START_SHARE * budget * ladder.top.work(problem.baseline) / work
+        seeds = max(1, min(seeds, int(most)))
+    return Starts(designs, level.name, seeds)
+
+
+def _check_order(ladder: Ladder, problem: Problem, where: str) -> None:
+    try:
+        rungs(ladder, problem.baseline)
+    except ConfigError as error:
+        raise ConfigError(f"{where}: {error}") from error
 
 
 def _check_exchange(study: Study, problem: Problem, where: str) -> None:

@@ -128,7 +128,8 @@ def run_study(
         checked: whole runs that the check of the levels has made, numbered from 0. The search
             learns from them, and none is made again.
         starts: designs of which the best is where the search starts; the baseline if None.
-        finals: how the best design is told from its rivals.
+        finals: how the best design is told from its rivals; with starts, the best of these and the
+            baseline are rivals too.
         window: candidates that may be out at a time; a resumed run needs the same.
         reference: where both are run once more, with the first of these seeds.
 
@@ -152,7 +153,9 @@ def run_study(
             )
         made = [*before, *_search(search, loop, ladder, len(before))]
         top = ladder.top.name
-        rivals = [*search.finalists(finals.designs), *([] if start is None else [start])]
+        rivals = search.finalists(finals.designs)
+        if start is not None:
+            rivals = [*rivals, start, problem.baseline]
         final, winner = _tell_apart(distinct(rivals), finals, loop, ladder, objective, len(made))
         made += final
         best = best_of(made, ladder, search.recommended() if winner is None else winner)

@@ -17,6 +17,7 @@ from mfopt.limits import (
     ConfirmSeeds,
     FileName,
     Generations,
+    Milliseconds,
     Name,
     PopulationSize,
     SearchSeeds,
@@ -123,7 +124,7 @@ class ConfirmSettings(Settings):
 
     def runs(self, *, starts: bool) -> int:
         """Runs at the target level after the search, by whether the study has starts."""
-        rivals = self.finalists + starts
+        rivals = self.finalists + 2 * starts  # the best start, and the baseline
         return 2 * self.seeds + self.finals.runs(rivals)
 
     @property
@@ -163,7 +164,7 @@ class ProblemSettings(Settings):
     objective: str
     objective_unit: Name = "-"
     reference_grains: int = Field(default=4600, ge=1, le=10**9)  # of which the paper counts
-    filling_time_limit_ms: float | None = Field(default=None, gt=0.0, le=1e9)
+    filling_time_limit_ms: Milliseconds | None = None
     filling_time_weight: float = Field(default=0.5, ge=0.0, le=1e9)  # of a second above the limit
     dosing: dict[str, Any] = Field(default_factory=dict)
     variable: list[VariableSettings] = Field(default_factory=list, max_length=MOST_VARIABLES)

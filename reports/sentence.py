@@ -42,7 +42,7 @@ def sentence(
     if result.objective is None or not math.isfinite(result.objective.median_best):
         return _unconfirmed(result, name, shown, so_far="" if ended else " so far")
     its = result.objective
-    text = (
+    text = _no_better(its) + (
         f"The best design has a median {name} of {shown.full(its.median_best)} over "
         f"{len(its.seeds)} fresh seed{'s' * (len(its.seeds) != 1)}, {against(its, shown)}"
     )
@@ -53,6 +53,12 @@ def sentence(
         if math.isfinite(filling.median_baseline):
             text += f" instead of {ms.full(filling.median_baseline, 3)}"
     return text + _grains_left(result) + "."
+
+
+def _no_better(its: Comparison) -> str:
+    """What to do where nothing was found."""
+    better = its.median_best < its.median_baseline
+    return "" if better else "No better design was found: keep the baseline. "
 
 
 def _grains_left(result: Result) -> str:

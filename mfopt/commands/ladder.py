@@ -77,7 +77,9 @@ def _first(parts: Assembled) -> str:
     its = parts.starts
     if its is None:
         return ""
+    x, level = parts.problem.baseline, parts.ladder[its.level]
+    cost = len(its.designs) * its.seeds * level.work(x) / parts.ladder.top.work(x)
     return (
-        f"First {len(its.designs)} designs are run at {its.level} with {its.seeds} seeds each; the "
-        "search begins at the best of them. "
+        f"First {len(its.designs)} designs are run at {its.level} with {its.seeds} seeds each, "
+        f"{cost:.3g} full runs that a budget includes; the search begins at the best of them. "
     )

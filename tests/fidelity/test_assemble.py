@@ -157,3 +157,27 @@ def test_work_of_the_reference_counts_its_engine() -> None:
     assert reference is not None
     baseline = np.asarray(parts.problem.baseline)
     assert reference.work(baseline) > 5 * parts.ladder.top.work(baseline)
+
+
+LADDER = [{"name": "dem-50", "engine": "numba", "grains": 50}, {**TOP, "grains": 120}]
+
+
+@pytest.mark.parametrize(("budget", "seeds"), [(3.0, 1), (60.0, 3)])
+def test_simple_motions_cost_a_quarter_of_the_budget_or_have_one_seed(
+    budget: float, seeds: int
+) -> None:
+    its = assembled(None, level=LADDER, search={"budget": budget, "seeds": 20})
+    assert its.starts is not None
+    assert (its.starts.level, its.starts.seeds) == ("dem-50", seeds)
+    assert len(its.starts.designs) == 7
+
+
+def test_a_level_dearer_than_the_target_is_refused() -> None:
+    with pytest.raises(ConfigError, match=r"study: .*from cheap to dear"):
+        assembled(None, level=LADDER[::-1], search={"budget": 30.0})
+
+
+def test_a_limit_in_seconds_is_refused() -> None:
+    problem = {"scene": "dosing", "objective": "dispersion", "filling_time_limit_ms": 0.33}
+    with pytest.raises(ConfigError, match=r"filling_time_limit_ms = 0\.33"):
+        assembled(None, problem=problem)

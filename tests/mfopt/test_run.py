@@ -210,8 +210,9 @@ def test_the_search_begins_at_the_best_start_which_is_a_finalist_too(
     searched = np.array([e.candidate.x for e in by["search"]])
     assert np.linalg.norm(searched - (-0.5), axis=1).min() < 0.1
     finalists = {e.candidate.x.tobytes() for e in by["finalist"]}
-    assert len(finalists) == 3 + 1
-    assert len(by["finalist"]) == 4 * 2 + 2 * 4
+    assert len(finalists) == 3 + 2
+    assert len(by["finalist"]) == 5 * 2 + 2 * 4
+    assert PROBLEM.baseline.tobytes() in finalists
     assert np.full(2, -0.4).tobytes() in finalists
     (best,) = {e.candidate.x.tobytes() for e in by["confirm best"]}
     values = {

@@ -50,3 +50,13 @@ def test_finalists_are_told_where_there_were_any() -> None:
     assert "promising" not in chosen(its, method="assisted", insights=True)
     text = chosen(its, method="assisted", insights=True, finalists=3)
     assert "Then the 3 most promising designs were run at the target level" in text
+
+
+@pytest.mark.parametrize(("best", "keep"), [(0.06, False), (0.1, True), (0.11, True)])
+def test_where_nothing_better_was_found_the_baseline_is_to_be_kept(best: float, keep: bool) -> None:
+    x = np.zeros(1)
+    run = Row(0, 1, "fine", 1, "search", x, best, *[math.nan] * 5, "finished", None, 1.0, 1.0)
+    compared = Comparison((1,), np.array([best]), np.array([0.1]))
+    its = Result(run, (run,), (), compared, None)
+    text = sentence(its, [run], "objective", MS, ended=True)
+    assert text.startswith("No better design was found: keep the baseline. ") == keep
