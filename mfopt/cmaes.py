@@ -86,7 +86,10 @@ class CmaEs:
         self._restarts = 0
         self._number = 1
         self._stage_number = 0
-        self._begin_stage(problem.start(problem.baseline if start is None else start), why="start")
+        first = problem.baseline if start is None else start
+        z = problem.start(first)
+        self._given = {z.tobytes(): frozen(first)}  # the start, by z, in physical units
+        self._begin_stage(z, why="start")
 
     @property
     def generation(self) -> Generation:
@@ -175,10 +178,14 @@ class CmaEs:
         self._asked_z = dict(zip(numbers, z, strict=True))
         self._asked += len(z)
         self._drawn = [
-            Candidate(n, frozen(self._problem.to_x(z)), stage.level, seed, self._number)
+            Candidate(n, self._x(z), stage.level, seed, self._number)
             for n, z in self._asked_z.items()
         ]
         self._to_ask = list(self._drawn)
+
+    def _x(self, z: Array) -> Array:
+        """The design `z` (d,) in physical units; the start bit for bit as it was given."""
+        return self._given.get(z.tobytes(), frozen(self._problem.to_x(z)))
 
     @property
     def _runs(self) -> list[list[float]]:

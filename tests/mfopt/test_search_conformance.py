@@ -70,6 +70,22 @@ def test_the_same_order_gives_the_same_search(make: Make, workers: int) -> None:
 
 
 @SEARCHES
+def test_the_start_comes_back_bit_for_bit(make: Make) -> None:
+    start = np.full(2, 0.45)
+    variables = tuple(Variable(name, 0.1, 0.9) for name in "ab")
+    at_start = Problem(variables, start)
+    assert (at_start.to_x(at_start.to_z(start)) != start).all()  # by rounding
+    search = make(at_start)
+    while search.should_stop() is None:
+        asked = search.ask()
+        search.tell(asked, [float(((c.x - start) ** 2).sum()) for c in asked])
+    (best, *others) = search.finalists(3)
+    np.testing.assert_array_equal(search.recommended(), start)
+    np.testing.assert_array_equal(best, start)
+    assert all(np.abs(x - start).max() > 1e-12 for x in others)
+
+
+@SEARCHES
 def test_it_stops_with_a_reason_and_a_recommendation(make: Make) -> None:
     search = make(problem())
     assert search.recommended() is None
