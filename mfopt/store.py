@@ -35,9 +35,8 @@ from mfopt.journal import Journal, Line
 from mfopt.lock import held
 from mfopt.objective import ObjectiveSettings, objective_named, value
 from mfopt.outcome import Outcome
+from mfopt.run_header import read_header, sealed
 
-FORMAT = 2
-READ_BY = {"1": "mfopt 0.1"}  # which version reads an older format
 SAME_OBJECTIVE = 1e-9  # relative: another processor may add in another order
 MOST_IN_LINE = 16_000  # [bytes] arrays of a run that its line holds; more are a file
 
@@ -305,12 +304,18 @@ def create(path: Path, study: str, header: Mapping[str, Any]) -> RunDirectory:
     """
     if os.path.lexists(path / "run.json"):
         raise ConfigError(f"{path} holds a run already; use --resume, or another directory")
-    header = {"format": FORMAT, **header, "study_check": digest(study.encode())}
-    header["check"] = _check(header)
+    journal = path / "journal.jsonl"
+    with disk_errors_named(journal, "read"):
+        if os.path.lexists(journal) and journal.stat().st_size:
+            raise ConfigError(
+                f"{path} holds the journal.jsonl of a run, but no run.json; restore that, or give "
+                "another directory"
+            )
+    header = sealed({**header, "study_check": digest(study.encode())})
     with disk_errors_named(path, "write"):
         (path / "outcomes").mkdir(parents=True, exist_ok=True)
     write_aside(path / "study.toml", study.encode())
-    write_aside(path / "journal.jsonl", b"")
+    write_aside(journal, b"")
     write_aside(path / "run.json", json.dumps(header, indent=2).encode())
     return RunDirectory(path, header)
 
@@ -321,38 +326,10 @@ def open_run(path: Path) -> RunDirectory:
     Raises:
         ConfigError: if there is no run, it is of another format, or what is there is damaged.
     """
-    run = RunDirectory(path, _header(path / "run.json"))
+    run = RunDirectory(path, read_header(path / "run.json"))
     for line in run._journal.read():
         run._read(line)
     return run
-
-
-def _header(path: Path) -> dict[str, Any]:
-    if not os.path.lexists(path):
-        raise ConfigError(f"{path.parent} is not a run directory: it has no run.json")
-    with disk_errors_named(path, "read"):
-        content = path.read_bytes()
-    try:
-        header = json.loads(content)
-    except (ValueError, RecursionError) as error:
-        raise ConfigError(f"{path} is damaged: it is no JSON; restore it") from error
-    if not isinstance(header, dict):
-        raise ConfigError(f"{path} is damaged: it is no JSON object; restore it")
-    if (found := header.get("format")) != FORMAT:
-        reader = READ_BY.get(str(found), "the version of mfopt that wrote it")
-        raise ConfigError(
-            f"{path.parent} was written in format {found!r}, this version reads {FORMAT}; use "
-            f"{reader}, or start a new run directory"
-        )
-    if header.get("check") != _check(header):
-        raise ConfigError(f"{path} is damaged: its check does not fit; restore it")
-    return header
-
-
-def _check(header: Mapping[str, Any]) -> str:
-    """Digest of a header, but for the check in it."""
-    its = {name: value for name, value in header.items() if name != "check"}
-    return digest(json.dumps(its, sort_keys=True).encode())
 
 
 @contextlib.contextmanager

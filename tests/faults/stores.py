@@ -126,7 +126,12 @@ def _state(run: Path) -> State:
 
 
 def _headline(said: dict[str, Any]) -> dict[str, Any]:
-    return {key: value for key, value in said.items() if not key.startswith("cpu")}
+    """What a run says of itself, but for the CPU time, which a run made again changes."""
+    return {
+        key: _headline(value) if isinstance(value, dict) else value
+        for key, value in said.items()
+        if not key.startswith("cpu")
+    }
 
 
 def _files(run: Path) -> list[Path]:

@@ -328,6 +328,16 @@ def test_existing_run_is_never_written_over(tmp_path: Path) -> None:
     assert (tmp_path / "run" / "study.toml").read_text() == "first"
 
 
+def test_a_journal_without_its_header_is_never_written_over(tmp_path: Path) -> None:
+    lines = stored(tmp_path / "run")
+    (tmp_path / "run" / "run.json").unlink()
+    with pytest.raises(ConfigError, match=r"journal\.jsonl of a run, but no run\.json; restore"):
+        create(tmp_path / "run", "", {"seed": 3})
+    assert (tmp_path / "run" / "journal.jsonl").read_bytes() == b"".join(lines)
+    (tmp_path / "run" / "journal.jsonl").write_bytes(b"")  # a kill may leave this of a new run
+    create(tmp_path / "run", "", {"seed": 3})
+
+
 def test_run_of_another_format_is_refused(tmp_path: Path) -> None:
     create(tmp_path / "run", "", {})
     header = tmp_path / "run" / "run.json"
