@@ -86,7 +86,7 @@ def by_mean(evaluations: Sequence[Evaluation]) -> list[Array]:
         key = evaluation.candidate.x.tobytes()
         values.setdefault(key, []).append(evaluation.objective)
         designs[key] = evaluation.candidate.x
-    means = {key: float(np.mean(its)) for key, its in values.items()}
+    means = {key: sum(f / len(its) for f in its) for key, its in values.items()}
     ranked = sorted(means, key=lambda key: means[key])
     return [designs[key] for key in ranked if np.isfinite(means[key])]
 

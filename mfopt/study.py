@@ -25,7 +25,7 @@ from mfopt.limits import (
     Sigma,
     Workers,
 )
-from mfopt.objective import ObjectiveSettings, objective_named
+from mfopt.objective import LAST_GRAINS_IGNORED, ObjectiveSettings, objective_named
 from mfopt.phases import Finals
 from mfopt.search import Reevaluate, Stage
 from mfopt.settings import Settings, checked, nearest
@@ -163,7 +163,8 @@ class ProblemSettings(Settings):
     scene: Literal["dosing"] | None = None
     objective: str
     objective_unit: Name = "-"
-    reference_grains: int = Field(default=4600, ge=1, le=10**9)  # of which the paper counts
+    # Of which the paper counts; the spread leaves out the last 20, and needs some to be left.
+    reference_grains: int = Field(default=4600, gt=LAST_GRAINS_IGNORED, le=10**9)
     filling_time_limit_ms: Milliseconds | None = None
     filling_time_weight: float = Field(default=0.5, ge=0.0, le=1e9)  # of a second above the limit
     dosing: dict[str, Any] = Field(default_factory=dict)

@@ -41,6 +41,11 @@ def test_the_lowest_mean_wins_and_not_the_luckiest_run() -> None:
     assert [x[0] for x in by_mean(evaluations(told))] == [0.2, 0.1, 0.3]
 
 
+def test_the_sum_of_huge_values_is_no_failure() -> None:
+    told = {"a": [1.5e308, 1.5e308], "b": [1e308, 1e308], "c": [1.0, np.inf]}
+    assert [x[0] for x in by_mean(evaluations(told))] == [0.2, 0.1]
+
+
 def test_a_design_that_fails_once_does_not_win() -> None:
     told = {"a": [0.0, np.inf], "b": [0.4, 0.4], "c": [np.inf, np.inf]}
     assert [x[0] for x in by_mean(evaluations(told))] == [0.2]
