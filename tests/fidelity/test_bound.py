@@ -9,7 +9,7 @@ from fidelity.bound import (
     smallest_filling_time_bound,
 )
 from fidelity.dosing import design, dosing_problem
-from fidelity.settings import DosingSettings
+from fidelity.settings import MOTION_PARAMETERS, SIMPLE_MOTIONS, DosingSettings
 from geometry.parts import Cup
 from geometry.sections import Section
 
@@ -66,5 +66,6 @@ def test_bound_over_all_motions_is_below_that_of_any_design() -> None:
 
 
 def test_largest_speed_is_that_of_the_only_motion_if_none_is_free() -> None:
-    fixed = DosingSettings(free={"l1": (80, 180)})
+    constant = dict(zip(MOTION_PARAMETERS, SIMPLE_MOTIONS["constant"], strict=True))
+    fixed = DosingSettings(free={"l1": (80, 180)}, values=constant)
     assert largest_speed(fixed) == pytest.approx(1.0, rel=1e-9)

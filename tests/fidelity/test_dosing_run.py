@@ -78,8 +78,10 @@ def test_cup_ends_a_stroke_further_and_grains_start_with_its_speed() -> None:
     assert motion.displacements[-1] == pytest.approx([0.4, 0.0, 0.0])
     assert motion.times[[0, -1]] == pytest.approx([0.0, 0.6])
     assert start.velocities is not None
-    first = np.diff(motion.displacements[:2], axis=0)[0] / motion.times[1]
-    assert start.velocities == pytest.approx(np.tile(first, (20, 1)), rel=1e-3)
+    speed = 1.5 * 0.4 / 0.6  # v of the dwelling motion, stroke over cycle
+    assert start.velocities == pytest.approx(np.tile([speed, 0.0, 0.0], (20, 1)), rel=1e-12)
+    first = np.diff(motion.displacements[:3], axis=0)[:, 0] / motion.times[1]
+    assert 1.5 * first[0] - 0.5 * first[1] == pytest.approx(speed, rel=1e-3)  # at the start itself
 
 
 def test_run_ends_at_the_tube_and_snapshots_lie_within_the_cycle() -> None:
