@@ -31,7 +31,8 @@ def made_up(engine: str, scene: str, grains: int, seed: int) -> Run:
         "heap": {"angle": 0.5 * slow, "radii": radii, "heights": slow * (0.1 - radii)},
         "silo": {"wall_share": 0.4 * slow},
         "dosing": {
-            "passage_times": times, "left_in_cup": 0, "left_in_hopper": 0, "duration": 1.2,
+            "passage_times": times, "grains": times.size, "left_in_cup": 0, "left_in_hopper": 0,
+            "duration": 1.2,
         },
     }[scene.partition(":")[0]]  # fmt: skip
     arrays = {name: np.asarray(value) for name, value in raw.items()}
