@@ -283,7 +283,7 @@ def test_a_level_whose_runs_mostly_fail_is_left() -> None:
         count += 1
         return sphere(x) if count % 8 == 1 else np.inf
 
-    search, asked = failing({"flaky": flaky, "fine": sphere})
+    search, asked = failing({"flaky": flaky, "fine": sphere}, budget=20.0)
     assert asked.count("flaky") < 60
     assert best_value(search, sphere) < 0.05
 
