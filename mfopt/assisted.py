@@ -55,6 +55,9 @@ WIDTH_AFTER_CLIMB = 0.05  # least widest deviation after a level change, unit cu
 FAR = 4.0  # a recommendation so far from the mean [sqrt(d)] starts a new distribution
 WIDTH_OF_RESTART = 0.5  # of the first step size
 WITH_START = 3.0  # least budget [target runs] of which one is kept to run the start at the target
+REPEAT_LEFT = (
+    5.0  # least budget [target runs] of which one tells whether runs at the target scatter
+)
 CONVERGED = 1e-6  # widest deviation at the target level that leads to a restart, unit cube
 
 
@@ -302,12 +305,16 @@ class AssistedCmaEs:
     def _plan_repeat(self) -> None:
         """Once a level, run a design again on a seed of its own: then we know whether runs scatter.
 
-        Not at the target of a ladder, where runs are dear, as long as the levels below are of use.
+        At the target of a ladder, where runs are dear, only if nothing is known from the level
+        below, and only if so many runs are left that one is little.
         """
-        dear = self._lowest < self._level == self._target
         finished = self._archive.finished_at(self._level)
-        if dear or self._level in self._repeated or not len(finished):
+        if self._level in self._repeated or not len(finished):
             return
+        if self._lowest < self._level == self._target:
+            left = self._plan.left_after(self._level) / self._rungs[-1].cost
+            if left < REPEAT_LEFT or scatters(self._archive, self._level, self._target) is not None:
+                return
         self._repeated.add(self._level)
         seed = self._first_seed + self._seeds
         self._plan.add(self._archive.z[finished[-1]], self._level, seed=seed)
@@ -407,8 +414,11 @@ class AssistedCmaEs:
 
     @property
     def _scatters(self) -> bool:
-        """Whether runs may scatter at the working level."""
-        return scatters(self._archive, self._level, self._target) is not False
+        """Whether runs may scatter at the working level, at the target as far as is known below."""
+        known = scatters(self._archive, self._level, self._target)
+        if known is None and 0 < self._level == self._target:
+            known = self._archive.scatter(self._level - 1)
+        return known is not False
 
     def _close_untaught(self) -> None:
         """Too few runs have finished to learn from: rank what there is, failed runs last."""

@@ -52,10 +52,13 @@ def recommended(
 def scatters(archive: Archive, level: int, target: int) -> bool | None:
     """Whether runs at a level scatter; None where nothing is known.
 
-    At the target of a ladder, where a run is dear, the level below answers for want of better.
+    The target of a ladder is taken to scatter where the level below does: a run there is dear. If
+    that one does not, the target still may.
     """
     known = archive.scatter(level)
-    return archive.scatter(level - 1) if known is None and 0 < level == target else known
+    if known is None and 0 < level == target and archive.scatter(level - 1):
+        return True
+    return known
 
 
 def believed(

@@ -174,20 +174,46 @@ def test_without_scatter_the_best_run_is_recommended() -> None:
     assert value == best
 
 
-def test_one_design_a_level_is_run_again_but_none_at_the_target_of_a_ladder() -> None:
-    rungs = [Rung("coarse", 1 / 16), Rung("fine", 1.0)]
+@pytest.mark.parametrize(
+    ("coarse_noise", "repeated"), [(0.0, ["coarse", "fine"]), (1.0, ["coarse"])]
+)
+def test_one_design_is_run_again_where_nothing_is_known_of_scatter(
+    coarse_noise: float, repeated: list[str]
+) -> None:
+    rungs = [Rung("coarse", 1 / 4), Rung("fine", 1.0)]
     search = AssistedCmaEs(
-        problem(), rungs, AutoregressiveGp(), budget=20.0, seed=1, seeds=2, first_seed=7
+        problem(3), rungs, AutoregressiveGp(), budget=20.0, seed=1, seeds=2, first_seed=7
     )
-    asked = []
+    rng, asked = np.random.default_rng(1), []
     while search.should_stop() is None:
         candidates = search.ask()
         asked += candidates
-        search.tell(candidates, [sphere(c.x) for c in candidates])
-    (again,) = (c for c in asked if c.seed not in (7, 8))
-    assert (again.level, again.seed) == ("coarse", 9)
-    assert any((c.x == again.x).all() and c.seed != again.seed for c in asked)
+        noise = [coarse_noise * rng.normal() * (c.level == "coarse") for c in candidates]
+        search.tell(candidates, [sphere(c.x) + n for c, n in zip(candidates, noise, strict=True)])
+    again = [c for c in asked if c.seed not in (7, 8)]
+    assert [(c.level, c.seed) for c in again] == [(level, 9) for level in repeated]
+    for c in again:
+        assert any((c.x == o.x).all() and c.seed != o.seed and c.level == o.level for o in asked)
     assert asked[-1].level == "fine"
+
+
+def test_a_noisy_target_above_an_exact_level_is_not_taken_to_be_exact() -> None:
+    rng = np.random.default_rng(5)
+    levels: dict[str, Function] = {
+        "exact": lambda x: sphere(x + 0.3), "noisy": lambda x: sphere(x) + 2.0 * rng.normal(),
+    }  # fmt: skip
+    rungs = [Rung("exact", 1 / 4), Rung("noisy", 1.0)]
+    search = AssistedCmaEs(problem(3), rungs, AutoregressiveGp(), budget=30.0, seed=5)
+    told = []
+    while search.should_stop() is None:
+        candidates = search.ask()
+        values = [levels[c.level](c.x) for c in candidates]
+        told += [f for c, f in zip(candidates, values, strict=True) if c.level == "noisy"]
+        search.tell(candidates, values)
+    insight = search.insight
+    assert insight is not None
+    assert not insight.exact
+    assert insight.mean > min(told)  # the lowest of many noisy values is luck
 
 
 @pytest.mark.parametrize("workers", [1, 4])
