@@ -118,7 +118,8 @@ def assemble(study: Study, *, where: str) -> Assembled:
     }
     described = tuple(description for _, description in made)
     ladder = Ladder(levels)
-    _check_order(ladder, problem, where)
+    if study.search.method == "assisted":
+        _check_order(ladder, problem, where)
     reference, reference_level = _reference(study, ladder, f"{where}: confirm.reference")
     return Assembled(
         problem, ladder, Ladder(detailed), dosing, described, versions,
