@@ -124,7 +124,8 @@ def _study(run: RunDirectory) -> str:
 def _tables(facts: Facts) -> dict[str, Any]:
     its, header = facts.result, facts.header
     levels = [level["name"] for level in header["levels"]]
-    best = solutions(facts.rows, levels, insights=facts.run.insights)
+    chosen_x = None if its is None else its.x
+    best = solutions(facts.rows, levels, insights=facts.run.insights, chosen_x=chosen_x)
     dosing = any(np.isfinite(r.filling_time) for r in facts.rows)
     coverage = None
     if its is not None and its.objective is not None:

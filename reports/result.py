@@ -102,17 +102,23 @@ def solutions(
     levels: Sequence[str],
     count: int = SOLUTIONS,
     insights: Sequence[Insight] = (),
+    chosen_x: Array | None = None,
 ) -> list[Row]:
-    """The best different designs of the search: the recommended one, then the finest level first.
+    """The best different designs of search and finals: the best one, then the finest level first.
 
     Values of different levels do not compare, so a coarser level only fills up what the
     finer ones leave free. Within a level, the lowest objective comes first.
+
+    Args:
+        chosen_x: the best design (d,); the one that the search recommends if None.
     """
     fineness = {name: i for i, name in enumerate(levels)}
-    finished = [r for r in rows if r.purpose == "search" and r.finished]
+    finished = [r for r in rows if r.purpose in ("search", "finalist") and r.finished]
     ranked = sorted(finished, key=lambda r: (-fineness.get(r.level, -1), r.value))
-    if insights:
-        ranked.sort(key=lambda r: not np.array_equal(r.x, insights[-1].best))
+    if chosen_x is None and insights:
+        chosen_x = np.array(insights[-1].best)
+    if chosen_x is not None:
+        ranked.sort(key=lambda r: not np.array_equal(r.x, chosen_x))
     chosen: dict[bytes, Row] = {}
     for row in ranked:
         chosen.setdefault(row.x.tobytes(), row)

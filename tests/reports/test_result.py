@@ -40,6 +40,14 @@ def test_the_same_design_is_listed_once_with_its_best_value() -> None:
     assert [r.index for r in solutions(rows, LEVELS)] == [1, 2]
 
 
+def test_finalists_are_among_the_best_designs_and_the_winner_is_the_first() -> None:
+    rows = [
+        row(0, 0.1), row(1, 0.2), row(2, 0.6, x=np.array([0.0]), level="fine", purpose="finalist"),
+        row(3, 0.7, x=np.array([1.0]), level="fine", purpose="finalist"),
+    ]  # fmt: skip
+    assert [r.index for r in solutions(rows, LEVELS, chosen_x=np.array([1.0]))] == [3, 2]
+
+
 def test_failed_runs_are_never_best() -> None:
     rows = [row(0, math.inf, status="crashed"), row(1, 0.5)]
     assert [r.index for r in solutions(rows, LEVELS)] == [1]
