@@ -29,7 +29,8 @@ class Starts:
 
     def candidates(self, first_index: int) -> list[Candidate]:
         """Each design on the first seeds, which the search uses too."""
-        return _on_seeds(list(self.designs.values()), self.level, 1, self.seeds, first_index)
+        designs = list(self.designs.values())
+        return _on_seeds(designs, self.level, 1, self.seeds, first_index, "start")
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,16 +61,20 @@ def finalists(
     designs: Sequence[Array], level: str, first_seed: int, seeds: int, first_index: int
 ) -> list[Candidate]:
     """Each finalist on so many seeds, counted from `FINALIST_SEED` on."""
-    found = _on_seeds(designs, level, FINALIST_SEED + first_seed, seeds, first_index)
-    return [replace(candidate, purpose="finalist") for candidate in found]
+    return _on_seeds(designs, level, FINALIST_SEED + first_seed, seeds, first_index, "finalist")
 
 
 def _on_seeds(
-    designs: Sequence[Array], level: str, first_seed: int, seeds: int, first_index: int
+    designs: Sequence[Array],
+    level: str,
+    first_seed: int,
+    seeds: int,
+    first_index: int,
+    purpose: Purpose,
 ) -> list[Candidate]:
     pairs = [(x, seed) for x in designs for seed in range(first_seed, first_seed + seeds)]
     return [
-        Candidate(first_index + n, x, level, seed, 0, "start") for n, (x, seed) in enumerate(pairs)
+        Candidate(first_index + n, x, level, seed, 0, purpose) for n, (x, seed) in enumerate(pairs)
     ]
 
 
