@@ -224,6 +224,7 @@ def _read(fd: int, tail: _Tail) -> bool:
 
 
 def _environment(directory: Path) -> dict[str, str]:
+    # TMPDIR: what a killed command leaves goes with its run.
     # IPYTHONDIR: YADE keeps an IPython history, which concurrent runs would share and lock.
-    own = {"IPYTHONDIR": str(directory), "PATH": os.environ.get("PATH", os.defpath)}
-    return {**os.environ, **ONE_THREAD, **own}
+    own = {"TMPDIR": str(directory), "IPYTHONDIR": str(directory)}
+    return {**os.environ, **ONE_THREAD, **own, "PATH": os.environ.get("PATH", os.defpath)}

@@ -33,8 +33,15 @@ _SCRIPT = Path(__file__).with_name("yade_script.py")
 
 # YADE's start script opens two ports to the whole network, one of them a Python console, before it
 # runs ours. It first imports the module that its option -L names, from the run's directory.
-_NO_SERVERS = "mfopt_no_servers"
-_NO_SERVERS_SOURCE = "import yade.remote\n\nyade.remote.runServers = lambda: None\n"
+# There, too, goes the folder in /tmp that every YADE makes, and that it leaves when it is done.
+_FIRST = "mfopt_first"
+_FIRST_SOURCE = """
+import os
+import yade.remote
+
+yade.remote.runServers = lambda: None
+os.rmdir(os.path.dirname(yade.O.tmpFilename()))
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,8 +95,8 @@ class YadeEngine:
         settings = {"timestep": self._smallest_timestep(setup), **_trace_settings(self.trace)}
         with scratch() as directory:
             write_setup(setup, directory, settings)
-            (directory / f"{_NO_SERVERS}.py").write_text(_NO_SERVERS_SOURCE, encoding="utf-8")
-            options = ["-n", "-x", "-j1", "-L", _NO_SERVERS]
+            (directory / f"{_FIRST}.py").write_text(_FIRST_SOURCE, encoding="utf-8")
+            options = ["-n", "-x", "-j1", "-L", _FIRST]
             command = [PROGRAMS[self.precision], *options, str(_SCRIPT), str(directory)]
             ended = run_logged(command, directory=directory, time_limit_s=time_limit_s)
             movement = read_movement(directory, cpu_s=ended.cpu_s)

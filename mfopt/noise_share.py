@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import ndtri
-from scipy.stats import rankdata
 
 from mfopt.arrays import Array
 from mfopt.ranking import certainty, expected_weights
@@ -109,5 +108,7 @@ def _trust(runs: Sequence[Sequence[float]], share: float) -> Array:
 def _scores(runs: Sequence[Sequence[float]]) -> list[Array]:
     """Normal scores of all runs, by candidate; equal values share theirs."""
     every = np.concatenate([np.asarray(r, dtype=float) for r in runs])
-    scores = ndtri((rankdata(every) - 0.5) / len(every))
+    _, place, times = np.unique(every, return_inverse=True, return_counts=True)
+    ranks = (np.cumsum(times) - (times - 1) / 2.0)[place]  # from 1
+    scores = ndtri((ranks - 0.5) / len(every))
     return [np.asarray(s) for s in np.split(scores, np.cumsum([len(r) for r in runs])[:-1])]

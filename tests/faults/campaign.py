@@ -129,8 +129,8 @@ class Campaign:
         return found
 
     def leftovers(self) -> list[str]:
-        """Temporary files and folders of mfopt that nobody needs once it has ended."""
-        found = [p for p in self.temporary.glob("mfopt*") if not p.name.startswith("mfopt-cache")]
+        """Temporary files and folders that nobody needs once mfopt has ended."""
+        found = [p for p in self.temporary.iterdir() if not p.name.startswith("mfopt-cache")]
         if self.directory.exists():
             found += [p for p in self.directory.rglob(".*") if re.search(r"\.\d+$", p.name)]
         return sorted(str(path.relative_to(self.folder)) for path in found)

@@ -67,7 +67,7 @@ workers = 1
 # The same with moving grains above, for kills.
 GRAINS = ASSISTED.replace(
     "[search]",
-    '[[level]]\nname = "grains"\nengine = "numba"\ngrains = 300\nspheres_per_grain = 1\n[search]',
+    '[[level]]\nname = "grains"\nengine = "numba"\ngrains = 150\nspheres_per_grain = 1\n[search]',
 ).replace("workers = 1", "workers = 2")
 
 

@@ -220,6 +220,18 @@ def test_runs_repeat_bit_for_bit_and_a_trace_changes_nothing(tmp_path: Path) -> 
     assert engine == YadeEngine()
 
 
+def test_no_folder_of_yade_is_left() -> None:
+    def folders() -> set[Path]:
+        return set(Path("/tmp").glob("yade-*"))  # YADE has this path in its source
+
+    others = folders()
+    YadeEngine().move(FALL, time_limit_s=LIMIT_S)
+    until = time.monotonic() + 30.0  # another YADE has one while it starts
+    while folders() - others and time.monotonic() < until:
+        time.sleep(0.1)
+    assert folders() <= others
+
+
 def test_settling_ends_at_rest() -> None:
     setup = replace(BOXED, settle=True, duration=3.0)
     movement = YadeEngine().move(setup, time_limit_s=LIMIT_S)
