@@ -9,6 +9,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Iterator
+from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import reduction
 from multiprocessing.synchronize import Event
 from pathlib import Path
@@ -61,9 +62,18 @@ class LocalPool(cf.ProcessPoolExecutor):
         super().__init__(workers, mp_context=context, initializer=_start, initargs=start)
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> cf.Future[Any]:
-        """Run a function in a worker; the first call starts the workers."""
-        with contextlib.nullcontext() if self._processes else self._logged():
-            return super().submit(fn, *args, **kwargs)
+        """Run a function in a worker; the first call starts the workers.
+
+        Raises:
+            BrokenProcessPool: if a worker has died.
+        """
+        try:
+            with contextlib.nullcontext() if self._processes else self._logged():
+                return super().submit(fn, *args, **kwargs)
+        except OSError as error:
+            if self._broken:  # a worker died while another one was started: its pipes are closed
+                raise BrokenProcessPool(str(self._broken)) from error
+            raise
 
     @contextlib.contextmanager
     def _logged(self) -> Iterator[None]:

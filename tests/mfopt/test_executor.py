@@ -1,6 +1,7 @@
 import errno
 import os
 import signal
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +16,7 @@ from mfopt.errors import ConfigError
 from mfopt.evaluation import Candidate
 from mfopt.executor import MakeExecutor, Runner, evaluate, one_thread
 from mfopt.level import Ladder
-from mfopt.local_workers import local_processes
+from mfopt.local_workers import LocalPool, local_processes
 from mfopt.outcome import Outcome
 
 
@@ -86,6 +87,26 @@ def test_a_worker_that_dies_is_replaced_and_the_run_tried_again(
     assert sorted(done) == [0, 1, 2, 3]
     assert done[2].status == status
     assert all(done[i].finished for i in (0, 1, 3))
+
+
+def test_a_worker_that_dies_while_another_one_starts_is_replaced(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    start_one, late = LocalPool._spawn_process, []
+
+    def start_late(pool: LocalPool) -> None:
+        if pool._processes and not late:
+            late.append(pool)
+            while not pool._call_queue._reader.closed:  # until the pool has noticed the death
+                time.sleep(0.01)
+        start_one(pool)
+
+    monkeypatch.setattr(LocalPool, "_spawn_process", start_late)
+    ladder, runner = Ladder((Lethal(tmp_path, 1),)), Runner(local_processes(2))
+    done = {c.index: o for c, o in runner.run(ladder, candidates(-1.0, 2.0))}
+    runner.close()
+    assert late
+    assert all(outcome.finished for outcome in done.values())
 
 
 def test_a_full_disk_stops_the_study_instead_of_failing_its_runs(tmp_path: Path) -> None:
