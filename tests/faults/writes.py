@@ -26,13 +26,12 @@ Case = tuple[str, int, int]  # role, number of the write, errno
 
 def cases(folder: Path, study: str) -> list[Case]:
     """Every write of an undisturbed run, with every error."""
+    campaign = new_campaign(folder, study)
+    if (wrong := complaint(_run(campaign, ("", 0, 0), folder / "told"), codes=(0,))) is not None:
+        raise RuntimeError(f"undisturbed run: {wrong}")
     found: list[Case] = []
     for role in ("main", "worker"):
-        campaign = new_campaign(folder, study)
-        told = folder / "told"
-        if (wrong := complaint(_run(campaign, (role, 0, 0), told), codes=(0,))) is not None:
-            raise RuntimeError(f"undisturbed run: {wrong}")
-        writes = len(told.read_text().splitlines())
+        writes = len((folder / f"told.{role}").read_text().splitlines())
         found += [(role, n, error) for n in range(1, writes + 1) for error in ERRORS]
     shutil.rmtree(folder)
     return found

@@ -1,8 +1,9 @@
 """Makes one write of a Python process fail. Loaded by Python itself at its start.
 
 `MFOPT_FAULT` is a JSON object: `role` ("main" or "worker"), `number` of the write that fails,
-counted from 1, `errno`, and `told`, a file into which every counted write is written as a line if
-`number` is 0, else the one that failed. Of several workers only the first that gets there fails.
+counted from 1, `errno`, and `told`, a file into which the write that failed is written as a line.
+Of several workers only the first that gets there fails. If `number` is 0, none fails, and every
+write is a line in the file `told.main` or `told.worker`.
 
 A write is: to open a regular file for writing, each write that reaches the operating system,
 fsync, truncate, replace, rename, link and mkdir. What C libraries write by themselves is not seen.
@@ -24,19 +25,20 @@ _count = 0
 
 def _tick(what: str, path: object) -> None:
     global _count
-    if FAULT["role"] != ROLE:
+    count_only = FAULT["number"] == 0
+    if FAULT["role"] != ROLE and not count_only:
         return
     _count += 1
-    flags = os.O_WRONLY | os.O_CREAT | (os.O_APPEND if FAULT["number"] == 0 else os.O_EXCL)
     if FAULT["number"] not in (0, _count):
         return
+    flags = os.O_WRONLY | os.O_CREAT | (os.O_APPEND if count_only else os.O_EXCL)
     try:
-        told = _os_open(FAULT["told"], flags, 0o644)
+        told = _os_open(FAULT["told"] + f".{ROLE}" * count_only, flags, 0o644)
     except FileExistsError:  # another worker's has failed already
         return
     _write(told, f"{what} {path}\n".encode())
     _close(told)
-    if FAULT["number"]:
+    if not count_only:
         raise OSError(FAULT["errno"], os.strerror(FAULT["errno"]), str(path))
 
 
