@@ -13,7 +13,7 @@ import numpy as np
 from fidelity.sound import require_numbers
 from mfopt.arrays import Array, IntArray
 from mfopt.errors import ConfigError
-from mfopt.outcome import Status
+from mfopt.records.outcome import Status
 
 ContactLaw = Literal["linear", "hertz"]
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from geometry.mesh import Mesh, corners
 from geometry.step import write_step as write_step
-from mfopt.files import write_aside
+from mfopt.files.whole import write_aside
 
 # Colours of the parts in turn [RGBA, 0..255]: Okabe and Ito, told apart by the colour-blind.
 COLOURS = (

@@ -18,7 +18,7 @@ from geometry.loft import Loft, check_loft, check_tube
 from geometry.sections import SLACK, Section
 from mfopt.arrays import Array
 from mfopt.errors import ConfigError
-from mfopt.files import full_disk_named
+from mfopt.files.whole import full_disk_named
 
 # STEP is written in millimetres, what workshops work in. [mm/m]
 SCALE = 1e3

@@ -8,30 +8,30 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mfopt.api import minimize as minimize
-    from mfopt.assisted import AssistedCmaEs as AssistedCmaEs
-    from mfopt.cmaes import CmaEs as CmaEs
+    from fidelity.programs.function import FunctionLevel as FunctionLevel
     from mfopt.errors import ConfigError as ConfigError
     from mfopt.errors import MfoptError as MfoptError
-    from mfopt.function_level import FunctionLevel as FunctionLevel
-    from mfopt.minimum import Minimum as Minimum
-    from mfopt.problem import Problem as Problem
-    from mfopt.problem import Variable as Variable
-    from mfopt.search import Rung as Rung
-    from mfopt.search import Stage as Stage
+    from mfopt.records.problem import Problem as Problem
+    from mfopt.records.problem import Variable as Variable
+    from mfopt.search.assisted import AssistedCmaEs as AssistedCmaEs
+    from mfopt.search.cmaes import CmaEs as CmaEs
+    from mfopt.search.search import Rung as Rung
+    from mfopt.search.search import Stage as Stage
+    from mfopt.study.minimize import minimize as minimize
+    from mfopt.study.minimum import Minimum as Minimum
 
 _HOME = {
-    "AssistedCmaEs": "assisted",
-    "CmaEs": "cmaes",
-    "ConfigError": "errors",
-    "MfoptError": "errors",
-    "FunctionLevel": "function_level",
-    "Minimum": "minimum",
-    "minimize": "api",
-    "Problem": "problem",
-    "Variable": "problem",
-    "Rung": "search",
-    "Stage": "search",
+    "AssistedCmaEs": "mfopt.search.assisted",
+    "CmaEs": "mfopt.search.cmaes",
+    "ConfigError": "mfopt.errors",
+    "MfoptError": "mfopt.errors",
+    "FunctionLevel": "fidelity.programs.function",
+    "Minimum": "mfopt.study.minimum",
+    "minimize": "mfopt.study.minimize",
+    "Problem": "mfopt.records.problem",
+    "Variable": "mfopt.records.problem",
+    "Rung": "mfopt.search.search",
+    "Stage": "mfopt.search.search",
 }
 LINUX_ONLY = "mfopt runs on Linux only; on Windows use it within WSL, on macOS in a container"
 __all__ = list(_HOME)
@@ -43,4 +43,4 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module 'mfopt' has no attribute {name!r}")
     if sys.platform != "linux":
         raise ImportError(LINUX_ONLY)
-    return getattr(import_module(f"mfopt.{_HOME[name]}"), name)
+    return getattr(import_module(_HOME[name]), name)

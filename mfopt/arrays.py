@@ -1,5 +1,6 @@
 """Arrays as the records keep them: float64 and read-only."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -27,3 +28,8 @@ def capped(values: ArrayLike) -> Array:
     """
     array = np.array(values, dtype=np.float64)
     return np.where(np.isfinite(array), np.clip(array, -LARGEST, LARGEST), array)
+
+
+def distinct(designs: Sequence[Array]) -> list[Array]:
+    """The designs (d,) without repetitions, in order."""
+    return list({x.tobytes(): x for x in designs}.values())

@@ -8,9 +8,9 @@ from typing import Annotated
 from pydantic import AfterValidator, Field
 
 from mfopt.names import file_name, shown, word
-from mfopt.outcome import LARGEST_WORK, SMALLEST_WORK
-from mfopt.problem import LARGEST_BOUND
-from mfopt.search import (
+from mfopt.records.outcome import LARGEST_WORK, SMALLEST_WORK
+from mfopt.records.problem import LARGEST_BOUND
+from mfopt.search.search import (
     MOST_BUDGET,
     MOST_GENERATIONS,
     MOST_SEED,

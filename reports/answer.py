@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from mfopt.store import RunDirectory
+from mfopt.campaign.store import RunDirectory
 from reports import campaign
 from reports.facts import Facts, gather
 from reports.needs import Need, needs

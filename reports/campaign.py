@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mfopt.evaluation import Generation
+from mfopt.records.evaluation import Generation
 from reports.rows import Row
 from reports.statistics import median
 from reports.units import number

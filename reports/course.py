@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mfopt.arrays import Array, BoolArray, IntArray
-from mfopt.evaluation import Generation, Insight
-from mfopt.store import RunDirectory
+from mfopt.campaign.store import RunDirectory
+from mfopt.records.evaluation import Generation, Insight
 from reports.rows import Row
 
 MOST = 1e12  # [full runs] that a horizontal axis shows; as many as a cheapest run is of a full one

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from mfopt.store import RunDirectory
+from mfopt.campaign.store import RunDirectory
 from reports import campaign
 from reports.course import Course, course
 from reports.plain import readable_run

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from mfopt.arrays import AnyArray, Array
-from mfopt.store import RunDirectory
+from mfopt.campaign.store import RunDirectory
 from reports import campaign, charts, course_chart, pictures, reference, tables, viewer
 from reports.course import changes
 from reports.design import Describe, DesignView

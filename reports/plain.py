@@ -6,7 +6,7 @@ from copy import copy
 from dataclasses import fields, is_dataclass, replace
 from typing import Any, TypeVar
 
-from mfopt.store import RunDirectory
+from mfopt.campaign.store import RunDirectory
 
 T = TypeVar("T")
 

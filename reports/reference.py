@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from mfopt.evaluation import Purpose, Reference
+from mfopt.records.evaluation import Purpose, Reference
 from reports.rows import Row
 from reports.units import MISSING, Display, display, number
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mfopt.arrays import Array, frozen
-from mfopt.evaluation import Insight
+from mfopt.records.evaluation import Insight
 from reports.rows import Row
 from reports.statistics import Comparison
 

@@ -5,10 +5,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from mfopt.arrays import AnyArray, Array
-from mfopt.evaluation import Evaluation, Purpose
-from mfopt.objective import Objective, ObjectiveSettings, objective_named, quantities, value
-from mfopt.outcome import Outcome, Status
-from mfopt.store import RunDirectory
+from mfopt.campaign.store import RunDirectory
+from mfopt.records.evaluation import Evaluation, Purpose
+from mfopt.records.objective import Objective, ObjectiveSettings, objective_named, quantities, value
+from mfopt.records.outcome import Outcome, Status
 from reports.plain import plain
 
 

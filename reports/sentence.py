@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from mfopt.evaluation import Insight
+from mfopt.records.evaluation import Insight
 from reports.result import Result
 from reports.rows import Row
 from reports.statistics import Comparison, Interval, median

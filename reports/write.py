@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from mfopt.files import write_aside
-from mfopt.scratch import scratch
-from mfopt.store import RunDirectory
+from mfopt.campaign.store import RunDirectory
+from mfopt.files.scratch import scratch
+from mfopt.files.whole import write_aside
 from reports.design import Describe, no_view
 from reports.page import context
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from mfopt.errors import ConfigError
-from mfopt.surrogate import LEVEL_ARRAYS, Hyperparameters, Observations
+from mfopt.search.surrogate import LEVEL_ARRAYS, Hyperparameters, Observations
 from surrogates.gaussian_process import Process, condition
 from surrogates.levels_posterior import Failures, LevelsPosterior
 from surrogates.map_fit import default, maximise, rougher
@@ -33,7 +33,7 @@ class AutoregressiveGp:
         start: Hyperparameters | None = None,
         refit: bool = True,
     ) -> LevelsPosterior:
-        """Learn from all runs; see `mfopt.surrogate.Surrogate`."""
+        """Learn from all runs; see `mfopt.search.surrogate.Surrogate`."""
         _check_start(observations, start, refit)
         finished = np.isfinite(observations.value)
         z, level = observations.z, observations.level

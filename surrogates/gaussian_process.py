@@ -19,7 +19,7 @@ from scipy.linalg import cho_solve, cholesky, solve_triangular
 from scipy.spatial.distance import cdist
 
 from mfopt.arrays import Array
-from mfopt.surrogate import Hyperparameters
+from mfopt.search.surrogate import Hyperparameters
 from surrogates.training import Rows, Scaling, outputs
 from surrogates.warp import Warp
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mfopt.arrays import Array
-from mfopt.surrogate import Hyperparameters, LeftOut
+from mfopt.search.surrogate import Hyperparameters, LeftOut
 from surrogates.gaussian_process import Process
 from surrogates.warp import NODE_WEIGHTS, NODES, Warp
 

@@ -22,7 +22,7 @@ from scipy.optimize import minimize
 from torch.nn.utils import parameters_to_vector, vector_to_parameters
 
 from mfopt.arrays import Array
-from mfopt.surrogate import Hyperparameters
+from mfopt.search.surrogate import Hyperparameters
 from surrogates.gaussian_process import CONSTANT_VARIANCE
 from surrogates.likelihood import Data, data_of, log_likelihood
 from surrogates.training import Rows, Scaling

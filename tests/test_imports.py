@@ -18,6 +18,16 @@ ALLOWED = {
 }
 
 
+# Where everything meets.
+MEETING = (ROOT / "mfopt" / "commands", ROOT / "mfopt" / "study")
+FACE = ROOT / "mfopt" / "__init__.py"  # loads what a user asks for
+# Each package imports only those before it.
+FLOORS = {
+    "mfopt": ("files", "records", "search", "campaign", "study", "commands"),
+    "fidelity": ("dem", "programs", "engines", "grains", "scenes"),
+}
+
+
 def imported(path: Path) -> set[str]:
     modules: set[str] = set()
     for node in ast.walk(ast.parse(path.read_text())):
@@ -31,10 +41,20 @@ def imported(path: Path) -> set[str]:
 @pytest.mark.parametrize("folder", FOLDERS)
 def test_imports_go_one_way(folder: str) -> None:
     for path in sorted((ROOT / folder).rglob("*.py")):
-        if path.parent == ROOT / "mfopt" / "commands":
-            continue  # the one place where everything meets
+        if path.parent in MEETING or path == FACE:
+            continue
         others = {module.split(".")[0] for module in imported(path)} & set(FOLDERS)
         assert others <= ALLOWED[folder] | {folder}, path
+
+
+@pytest.mark.parametrize(("folder", "floor"), [(f, p) for f in FLOORS for p in FLOORS[f]])
+def test_packages_stand_on_those_below(folder: str, floor: str) -> None:
+    above = FLOORS[folder][FLOORS[folder].index(floor) + 1 :]
+    for path in sorted((ROOT / folder / floor).rglob("*.py")):
+        if path.parent in MEETING:
+            continue
+        found = {m.split(".")[1] for m in imported(path) if m.startswith(f"{folder}.")}
+        assert not found & set(above), path
 
 
 def test_only_the_entry_imports_the_commands() -> None:

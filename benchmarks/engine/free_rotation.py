@@ -7,7 +7,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from benchmarks.engine.small_scenes import LEVEL, LIMIT_S, Start, asymmetric, finished, scene, still
-from fidelity.numba_engine import NumbaEngine
+from fidelity.engines.numba import NumbaEngine
 from mfopt.arrays import Array
 
 SPIN = np.array([0.2, 30.0, 0.1])  # [rad/s] in the body, about its middle axis

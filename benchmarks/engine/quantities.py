@@ -7,7 +7,7 @@ import numpy as np
 
 from benchmarks.engine.runs import Run
 from mfopt.arrays import AnyArray, Array
-from mfopt.objective import paper_dispersion
+from mfopt.records.objective import paper_dispersion
 
 Raw = Mapping[str, AnyArray]
 

@@ -15,7 +15,7 @@ import numpy as np
 from benchmarks import lines
 from mfopt.arrays import AnyArray
 from mfopt.errors import ConfigError
-from mfopt.outcome import Status
+from mfopt.records.outcome import Status
 
 DIGITS = 6  # significant digits kept: finer than the time step of any engine
 

@@ -13,19 +13,21 @@ from typing import Any
 import numpy as np
 
 from benchmarks.engine.runs import Run
-from fidelity import discharge, heap, silo
-from fidelity.discharge import DischargeSettings
-from fidelity.dosing import dosing_problem
-from fidelity.dosing_level import DosingLevel
 from fidelity.engine import Engine, Movement, Physics
-from fidelity.filling import Portion, filled
-from fidelity.grain import portion_grain
-from fidelity.heap import HeapSettings
-from fidelity.settings import RICE, STEEL, DemSettings, DosingSettings
-from fidelity.silo import SiloSettings
+from fidelity.grains.filling import Portion, filled
+from fidelity.grains.grain import portion_grain
+from fidelity.scenes.discharge import run as discharge
+from fidelity.scenes.discharge.run import DischargeSettings
+from fidelity.scenes.dosing.design import dosing_problem
+from fidelity.scenes.dosing.level import DosingLevel
+from fidelity.scenes.dosing.settings import RICE, STEEL, DemSettings, DosingSettings
+from fidelity.scenes.heap import run as heap
+from fidelity.scenes.heap.run import HeapSettings
+from fidelity.scenes.silo import run as silo
+from fidelity.scenes.silo.run import SiloSettings
 from mfopt.arrays import AnyArray
 from mfopt.errors import ConfigError, SimulationError
-from mfopt.outcome import Status
+from mfopt.records.outcome import Status
 
 TIME_LIMIT_S = 7200.0  # of one run; far above what the largest takes
 PORTION_KG = 1.0
@@ -62,9 +64,9 @@ DESIGNS: Mapping[str, Mapping[str, float]] = {
 }  # fmt: skip
 
 ENGINES: Mapping[str, tuple[str, str]] = {
-    "yade": ("fidelity.yade", "YadeEngine"),
-    "numba": ("fidelity.numba_engine", "NumbaEngine"),
-    "bullet": ("fidelity.bullet", "BulletEngine"),
+    "yade": ("fidelity.engines.yade.engine", "YadeEngine"),
+    "numba": ("fidelity.engines.numba", "NumbaEngine"),
+    "bullet": ("fidelity.engines.bullet.engine", "BulletEngine"),
 }
 
 Told = tuple[Mapping[str, AnyArray], tuple[Movement, ...]]  # numbers, and what they cost

@@ -9,8 +9,8 @@ from scipy.spatial import Delaunay
 
 from fidelity.dem.timestep import stable_timestep
 from fidelity.engine import Grain, Material, Movement, Packing, Physics, Setup, Wall, WallMotion
-from fidelity.grain import line_grain
-from fidelity.numba_engine import NumbaEngine
+from fidelity.engines.numba import NumbaEngine
+from fidelity.grains.grain import line_grain
 from mfopt.arrays import Array, IntArray
 from mfopt.errors import SimulationError
 

@@ -27,15 +27,15 @@ import numpy as np
 
 from benchmarks import lines
 from benchmarks.engine.scenes import DESIGNS, HOPPER, TIME_LIMIT_S, portion_of
-from fidelity import discharge
-from fidelity.dosing import design, dosing_problem
-from fidelity.dosing_run import dosing_setup, packing_order, tally
 from fidelity.engine import Engine, Movement, Setup
-from fidelity.filling import filled
-from fidelity.numba_engine import NumbaEngine
-from fidelity.packing import default_cache, settled_packing
-from fidelity.settings import DemSettings, DosingSettings
-from fidelity.yade import YadeEngine
+from fidelity.engines.numba import NumbaEngine
+from fidelity.engines.yade.engine import YadeEngine
+from fidelity.grains.filling import filled
+from fidelity.grains.packing import default_cache, settled_packing
+from fidelity.scenes.discharge import run as discharge
+from fidelity.scenes.dosing.design import design, dosing_problem
+from fidelity.scenes.dosing.run import dosing_setup, packing_order, tally
+from fidelity.scenes.dosing.settings import DemSettings, DosingSettings
 from mfopt.errors import SimulationError
 
 FLOW_S = 0.1  # [s] of discharge, from a full hopper
@@ -218,7 +218,7 @@ START = """
 import time
 began = time.perf_counter()
 from benchmarks.engine.speed import tiny_setup
-from fidelity.numba_engine import NumbaEngine
+from fidelity.engines.numba import NumbaEngine
 NumbaEngine().move(tiny_setup(), time_limit_s=60.0)
 print(time.perf_counter() - began)
 """

@@ -51,7 +51,7 @@ from benchmarks.engine.validation_scenes import (
 )
 from fidelity.dem.timestep import stable_timestep
 from fidelity.engine import ContactLaw
-from fidelity.numba_engine import MARGIN, NumbaEngine
+from fidelity.engines.numba import MARGIN, NumbaEngine
 
 
 @dataclass(frozen=True)

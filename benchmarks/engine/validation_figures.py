@@ -25,8 +25,8 @@ from benchmarks.engine.small_scenes import (
 )
 from benchmarks.engine.validation_scenes import MU, end_on, lack, on_slope, piles, returned
 from fidelity.engine import ContactLaw
-from fidelity.numba_engine import MARGIN
-from fidelity.yade import YadeEngine
+from fidelity.engines.numba import MARGIN
+from fidelity.engines.yade.engine import YadeEngine
 from mfopt.arrays import Array
 from reports.charts import BLUE, GREEN, GREY, ORANGE, PURPLE, WIDTH, styled
 

@@ -23,7 +23,7 @@ from benchmarks.engine.small_scenes import (
 )
 from fidelity.dem.timestep import stable_timestep
 from fidelity.engine import ContactLaw, Grain, Movement, Physics, Setup
-from fidelity.numba_engine import MARGIN
+from fidelity.engines.numba import MARGIN
 from mfopt.arrays import Array
 
 MU = 0.4

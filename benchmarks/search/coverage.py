@@ -21,7 +21,7 @@ from benchmarks.search.reproduce import FULL
 from benchmarks.search.results import kind_of
 from benchmarks.search.run import numbers
 from benchmarks.search.suites import SUITES, case_named, default_budget
-from mfopt.evaluation import HALF_WIDTH
+from mfopt.records.evaluation import HALF_WIDTH
 
 ENDS = {"noisy": ("add5/d13", "mul30/d13"), "ladder": ("n5", "n30")}  # of the cases' names
 

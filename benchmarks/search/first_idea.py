@@ -20,13 +20,13 @@ from pathlib import Path
 
 import numpy as np
 
-from fidelity.assemble import Assembled, assemble
 from mfopt.arrays import Array, frozen
-from mfopt.level import Level
-from mfopt.objective import Objective, judged, objective_named, quantities
-from mfopt.phases import CONFIRM_SEED, FINALIST_SEED
-from mfopt.store import open_run
-from mfopt.study import Study, read_study
+from mfopt.campaign.phases import CONFIRM_SEED, FINALIST_SEED
+from mfopt.campaign.store import open_run
+from mfopt.records.level import Level
+from mfopt.records.objective import Objective, judged, objective_named, quantities
+from mfopt.study.assemble import Assembled, assemble
+from mfopt.study.file import Study, read_study
 
 CHOICE_SEED = 2_000_000  # on which the best simple motion is chosen
 RANDOM_SEED = 3_000_000  # of fillings that random search sees

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mfopt.surrogate import Observations
+from mfopt.search.surrogate import Observations
 from surrogates.autoregressive import AutoregressiveGp
 
 CANDIDATES = 100

@@ -23,9 +23,9 @@ from numba.core.caching import _Cache
 from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
 
-from mfopt.cache import cache_directory
 from mfopt.errors import ConfigError
-from mfopt.files import write_aside
+from mfopt.files.cache import cache_directory
+from mfopt.files.whole import write_aside
 
 # Reordering and fused operations, but numbers that are not finite keep their meaning: the
 # engine looks for them. Nothing is allocated in the kernel, so that arrays need no counting of

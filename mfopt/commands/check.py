@@ -8,12 +8,12 @@ import typer
 from rich.console import RenderableType
 from rich.table import Table
 
-from fidelity.assemble import Assembled, assemble
 from mfopt.commands.ladder import ladder_table, spending
 from mfopt.commands.shared import StudyFile, screen
 from mfopt.commands.workers import new_runner, prepare_engines, started, workers_of
-from mfopt.level import Level
-from mfopt.study import Study, read_study
+from mfopt.records.level import Level
+from mfopt.study.assemble import Assembled, assemble
+from mfopt.study.file import Study, read_study
 
 
 def check(

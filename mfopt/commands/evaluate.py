@@ -6,10 +6,10 @@ from typing import Annotated
 
 import typer
 
-from fidelity.assemble import assemble, traced
 from mfopt.commands.shared import FromRun, StudyFile, ValuesGiven, chosen_design
-from mfopt.objective import judged, objective_named
-from mfopt.study import read_study
+from mfopt.records.objective import judged, objective_named
+from mfopt.study.assemble import assemble, traced
+from mfopt.study.file import read_study
 
 
 def evaluate(

@@ -5,14 +5,14 @@ from typing import Annotated
 
 import typer
 
-from fidelity.assemble import assemble
-from fidelity.dosing import design, design_parts
+from fidelity.scenes.dosing.design import design, design_parts
 from geometry.export import write_gltf, write_stl
 from geometry.manufacturability import manufacturability
 from mfopt.commands.shared import FromRun, StudyFile, ValuesGiven, chosen_design, screen
 from mfopt.errors import ConfigError
-from mfopt.files import full_disk_named
-from mfopt.study import read_study
+from mfopt.files.whole import full_disk_named
+from mfopt.study.assemble import assemble
+from mfopt.study.file import read_study
 
 
 def geometry(

@@ -2,9 +2,9 @@
 
 from rich.table import Table
 
-from fidelity.assemble import Assembled, assemble
 from mfopt.commands.shared import StudyFile, screen
-from mfopt.study import Study, read_study
+from mfopt.study.assemble import Assembled, assemble
+from mfopt.study.file import Study, read_study
 
 
 def ladder(study_file: StudyFile) -> None:

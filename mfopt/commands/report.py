@@ -7,17 +7,17 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
-from fidelity.assemble import drawn
-from fidelity.bound import filling_time_bound, smallest_filling_time_bound
-from fidelity.dosing import cup_motion, design, design_parts
-from fidelity.dosing_run import dosing_grain
-from fidelity.settings import DemSettings, DosingSettings
+from fidelity.scenes.dosing.bound import filling_time_bound, smallest_filling_time_bound
+from fidelity.scenes.dosing.design import cup_motion, design, design_parts
+from fidelity.scenes.dosing.run import dosing_grain
+from fidelity.scenes.dosing.settings import DemSettings, DosingSettings
 from geometry.manufacturability import manufacturability
 from mfopt.arrays import Array
+from mfopt.campaign.store import open_run
 from mfopt.commands.shared import Quiet, RunPath, console
-from mfopt.files import full_disk_named
-from mfopt.store import open_run
-from mfopt.study import Study, read_study
+from mfopt.files.whole import full_disk_named
+from mfopt.study.assemble import drawn
+from mfopt.study.file import Study, read_study
 from reports.design import Describe, DesignView, no_view
 
 

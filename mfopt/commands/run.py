@@ -10,25 +10,25 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.console import Console
 
-from fidelity.assemble import Assembled, assemble, level_settings
 from mfopt.arrays import Array
-from mfopt.begin import begin, begin_reference, budgets, check_disk
-from mfopt.check import Checked, whole_runs
+from mfopt.campaign.begin import begin, begin_reference, budgets, check_disk
+from mfopt.campaign.check import Checked, whole_runs
+from mfopt.campaign.executor import Runner
+from mfopt.campaign.header import header
+from mfopt.campaign.memory import Memory
+from mfopt.campaign.store import RunDirectory, writing
 from mfopt.commands.report import write_reports
 from mfopt.commands.shared import AsJson, Quiet, StudyFile, console
 from mfopt.commands.status import print_result
 from mfopt.commands.workers import new_runner, prepare_engines, started, workers_of
 from mfopt.errors import SimulationError
-from mfopt.executor import Runner
-from mfopt.files import full_disk_named
-from mfopt.header import header
-from mfopt.memory import Memory
-from mfopt.search import Search, rungs, window
-from mfopt.store import RunDirectory, writing
-from mfopt.study import Study, read_study
+from mfopt.files.whole import full_disk_named
+from mfopt.search.search import Search, rungs, window
+from mfopt.study.assemble import Assembled, assemble, level_settings
+from mfopt.study.file import Study, read_study
 
 if TYPE_CHECKING:
-    from mfopt.progress import ProgressDisplay
+    from mfopt.commands.progress import ProgressDisplay
 
 
 def run(
@@ -43,7 +43,7 @@ def run(
     as_json: AsJson = False,
 ) -> None:
     """Run a study, confirm its best design over fresh seeds and write the reports."""
-    from mfopt.run import run_study
+    from mfopt.campaign.run import run_study
 
     study, text = read_study(study_file)
     parts = assemble(study, where=str(study_file))
@@ -131,13 +131,13 @@ def _search(study: Study, parts: Assembled, given: Sequence[float], start: Array
     """
     its, objective = study.search, study.problem.objective
     if its.method == "cma-es":
-        from mfopt.cmaes import CmaEs
+        from mfopt.search.cmaes import CmaEs
 
         stages = its.stages(objective)
         return CmaEs(
             parts.problem, stages, seed=study.study.seed, exchange=its.exchange, start=start
         )
-    from mfopt.assisted import AssistedCmaEs
+    from mfopt.search.assisted import AssistedCmaEs
     from surrogates.autoregressive import AutoregressiveGp
 
     return AssistedCmaEs(
@@ -170,7 +170,7 @@ def _display(
     on: Console,
 ) -> "ProgressDisplay":
     """The progress, with the work of the confirmation planned."""
-    from mfopt.progress import ProgressDisplay
+    from mfopt.commands.progress import ProgressDisplay
 
     at_top = parts.ladder.top.name
     work = {level.name: level.work(parts.problem.baseline) for level in parts.all_levels}

@@ -13,11 +13,11 @@ import typer
 from rich.console import Console
 
 from mfopt.arrays import Array, frozen
+from mfopt.campaign.store import open_run
 from mfopt.errors import ConfigError, MfoptError
-from mfopt.outcome import plain
-from mfopt.problem import Problem
+from mfopt.records.outcome import plain
+from mfopt.records.problem import Problem
 from mfopt.settings import nearest
-from mfopt.store import open_run
 
 
 def console(*, quiet: bool = False) -> Console:

@@ -6,8 +6,8 @@ from pathlib import Path
 import typer
 from rich.console import Console
 
+from mfopt.campaign.store import open_run
 from mfopt.commands.shared import AsJson, RunPath, screen
-from mfopt.store import open_run
 
 
 def status(path: RunPath, as_json: AsJson = False) -> None:

@@ -4,13 +4,13 @@ import os
 
 from rich.console import Console
 
-from fidelity.assemble import Assembled
-from mfopt.check import Checked, Recall, check_levels
-from mfopt.cluster import dask_cluster
-from mfopt.executor import Runner
-from mfopt.local_workers import local_processes
-from mfopt.objective import judged, objective_named
-from mfopt.study import Study
+from mfopt.campaign.check import Checked, Recall, check_levels
+from mfopt.campaign.cluster import dask_cluster
+from mfopt.campaign.executor import Runner
+from mfopt.campaign.local_workers import local_processes
+from mfopt.records.objective import judged, objective_named
+from mfopt.study.assemble import Assembled
+from mfopt.study.file import Study
 
 
 def workers_of(study: Study) -> int:
@@ -27,7 +27,7 @@ def new_runner(study: Study) -> Runner:
 def prepare_engines(study: Study, parts: Assembled, on: Console) -> None:
     """Compile what all workers here would else compile."""
     if parts.uses_numba and study.run.scheduler is None:
-        from fidelity.numba_engine import prepare
+        from fidelity.engines.numba import prepare
 
         prepare(lambda: on.print("compiling the grain engine, once: about 30 s"))
 

@@ -13,8 +13,8 @@ from benchmarks.engine.agreement import main, seeds_of
 from benchmarks.engine.compare import Row, as_mapping, compare, comparison_table, samples
 from benchmarks.engine.runs import Run, add_run, read_runs, runs_in
 from benchmarks.engine.scenes import DESIGNS, portion_of, run_scene, scene_names
-from fidelity.dosing import design, dosing_problem
-from fidelity.settings import DosingSettings
+from fidelity.scenes.dosing.design import design, dosing_problem
+from fidelity.scenes.dosing.settings import DosingSettings
 from mfopt.errors import ConfigError
 
 SCALE = {"yade": 1.0, "other": 1.3, "twin": 1.0}

@@ -18,10 +18,10 @@ from benchmarks.search.peers.ablations import (
     WholeUnderNoise,
 )
 from mfopt.arrays import Array
-from mfopt.assisted import AssistedCmaEs
-from mfopt.evaluation import Candidate
-from mfopt.problem import Problem, Variable
-from mfopt.search import Rung
+from mfopt.records.evaluation import Candidate
+from mfopt.records.problem import Problem, Variable
+from mfopt.search.assisted import AssistedCmaEs
+from mfopt.search.search import Rung
 from surrogates.autoregressive import AutoregressiveGp
 
 D, SIZE = 4, 8

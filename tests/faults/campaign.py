@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from mfopt.store import open_run
+from mfopt.campaign.store import open_run
 
 SIMULATOR = Path(__file__).with_name("simulator.py")
 PYTHON = f"{sys.executable} -I -S {SIMULATOR}"

@@ -24,13 +24,13 @@ from faults.campaign import (
 )  # fmt: skip
 from faults.table import Trial
 from mfopt.errors import ConfigError
-from mfopt.lock import held
+from mfopt.files.lock import held
 
 # Everything loaded, it says so and waits for its standard input to be closed.
 WAITING = """
 import sys
 from mfopt.__main__ import main
-import mfopt.commands.app, mfopt.run
+import mfopt.commands.app, mfopt.campaign.run
 print("ready", flush=True)
 sys.stdin.read()
 main()

@@ -14,10 +14,10 @@ from typer.testing import CliRunner, Result
 
 from faults.campaign import End, end
 from faults.table import Trial, unforeseen
+from mfopt.campaign.store import open_run
 from mfopt.commands.app import app
 from mfopt.errors import ConfigError
-from mfopt.evaluation import Generation
-from mfopt.store import open_run
+from mfopt.records.evaluation import Generation
 
 ODD: tuple[Any, ...] = (
     None,

@@ -6,11 +6,11 @@ import shutil
 import numpy as np
 import pytest
 
-from fidelity.bullet import BulletEngine
 from fidelity.engine import Grain, Material, Movement, Packing, Physics, Setup, Wall, WallMotion
-from fidelity.grain import line_grain
-from fidelity.numba_engine import NumbaEngine
-from fidelity.yade import YadeEngine
+from fidelity.engines.bullet.engine import BulletEngine
+from fidelity.engines.numba import NumbaEngine
+from fidelity.engines.yade.engine import YadeEngine
+from fidelity.grains.grain import line_grain
 from mfopt.arrays import Array
 
 R = 4e-3  # [m] sphere radius

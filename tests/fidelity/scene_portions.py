@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 from fidelity.engine import Material, Movement, Physics
-from fidelity.filling import Portion
-from fidelity.grain import line_grain
+from fidelity.grains.filling import Portion
+from fidelity.grains.grain import line_grain
 from mfopt.arrays import Array
 
 GRAIN_MATERIAL = Material(1e6, 0.2, math.atan(0.6), 1500.0)

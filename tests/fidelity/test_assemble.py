@@ -3,17 +3,17 @@
 from pathlib import Path
 from typing import Any
 
+import mfopt.study.file.assemble as assembly
 import numpy as np
 import pytest
 
-import fidelity.assemble as assembly
-from fidelity.assemble import Assembled, assemble
-from fidelity.dosing_level import DosingLevel
-from fidelity.numba_engine import NumbaEngine
-from fidelity.yade import YadeEngine
+from fidelity.engines.numba import NumbaEngine
+from fidelity.engines.yade.engine import YadeEngine
+from fidelity.scenes.dosing.level import DosingLevel
 from mfopt.errors import ConfigError
 from mfopt.settings import checked
-from mfopt.study import Study
+from mfopt.study.assemble import Assembled, assemble
+from mfopt.study.file import Study
 
 TOP = {"name": "dem-40", "engine": "numba", "grains": 40, "young_modulus_pa": 2e6}
 

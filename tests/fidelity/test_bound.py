@@ -1,15 +1,15 @@
 import numpy as np
 import pytest
 
-from fidelity.bound import (
+from fidelity.scenes.dosing.bound import (
     emptying_spread,
     filling_time_bound,
     largest_speed,
     opened_area,
     smallest_filling_time_bound,
 )
-from fidelity.dosing import design, dosing_problem
-from fidelity.settings import MOTION_PARAMETERS, SIMPLE_MOTIONS, DosingSettings
+from fidelity.scenes.dosing.design import design, dosing_problem
+from fidelity.scenes.dosing.settings import MOTION_PARAMETERS, SIMPLE_MOTIONS, DosingSettings
 from geometry.parts import Cup
 from geometry.sections import Section
 

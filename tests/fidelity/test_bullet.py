@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fidelity.bullet import BulletEngine, remedy
-from fidelity.bullet_script import available_energy, safe_timestep
-from fidelity.bullet_world import friction_factors, restitution
 from fidelity.engine import Material, Packing, Physics, Setup, Wall, WallMotion
-from fidelity.grain import line_grain
+from fidelity.engines.bullet.engine import BulletEngine, remedy
+from fidelity.engines.bullet.script import available_energy, safe_timestep
+from fidelity.engines.bullet.world import friction_factors, restitution
+from fidelity.grains.grain import line_grain
 from mfopt.arrays import Array
 from mfopt.errors import ConfigError
 

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fidelity.command import CommandLevel, answer_object, numbers
-from fidelity.process import OUTPUT_LIMIT
+from fidelity.programs.command import CommandLevel, answer_object, numbers
+from fidelity.programs.process import OUTPUT_LIMIT
 from mfopt.errors import ConfigError
-from mfopt.outcome import Outcome
+from mfopt.records.outcome import Outcome
 
 X = np.array([0.25, -3.0])
 

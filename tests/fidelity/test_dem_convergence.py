@@ -27,7 +27,7 @@ from benchmarks.engine.small_scenes import (
 from fidelity.dem.law import law_of
 from fidelity.dem.timestep import stable_timestep
 from fidelity.engine import ContactLaw, Grain, Movement, Physics, Setup
-from fidelity.numba_engine import NumbaEngine
+from fidelity.engines.numba import NumbaEngine
 from mfopt.errors import ConfigError
 
 PRESS = 100.0  # [m/s2]

@@ -19,7 +19,7 @@ from benchmarks.engine.small_scenes import (
     turned,
 )
 from fidelity.engine import ContactLaw, Movement, Setup, WallMotion
-from fidelity.numba_engine import NumbaEngine
+from fidelity.engines.numba import NumbaEngine
 
 SOFT = 1e5  # [Pa]
 # The springs of a wall as soft as the sphere stop its centre at the surface at these speeds [m/s]:

@@ -19,12 +19,12 @@ from benchmarks.engine.small_scenes import (
     stable_step,
     still,
 )
-from fidelity.dosing import design, dosing_problem
-from fidelity.dosing_run import dosing_setup, packing_order
 from fidelity.engine import BodyForce, ContactLaw, Physics, Setup, Wall
-from fidelity.numba_engine import NumbaEngine
-from fidelity.portion import loose_portion
-from fidelity.settings import DemSettings, DosingSettings
+from fidelity.engines.numba import NumbaEngine
+from fidelity.grains.portion import loose_portion
+from fidelity.scenes.dosing.design import design, dosing_problem
+from fidelity.scenes.dosing.run import dosing_setup, packing_order
+from fidelity.scenes.dosing.settings import DemSettings, DosingSettings
 
 MU = 0.5
 LAWS: tuple[ContactLaw, ...] = ("linear", "hertz")

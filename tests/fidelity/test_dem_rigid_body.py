@@ -19,7 +19,7 @@ from benchmarks.engine.small_scenes import (
     turned,
 )
 from fidelity.engine import Grain, Movement
-from fidelity.numba_engine import NumbaEngine
+from fidelity.engines.numba import NumbaEngine
 from mfopt.arrays import Array
 
 SPIN = (40.0, 1.0, 90.0)  # [rad/s] in space, near the unstable axis of the asymmetric grain

@@ -7,8 +7,11 @@ import numpy as np
 import pytest
 from scene_portions import movement_to, portion_of
 
-from fidelity.bullet import BulletEngine
-from fidelity.discharge import (
+from fidelity.engine import Setup, Wall
+from fidelity.engines.bullet.engine import BulletEngine
+from fidelity.grains.filling import filled
+from fidelity.grains.portion import largest_overlap, sphere_centres
+from fidelity.scenes.discharge.run import (
     Discharge,
     DischargeSettings,
     check_discharge,
@@ -17,9 +20,6 @@ from fidelity.discharge import (
     filling_setup,
     hopper,
 )
-from fidelity.engine import Setup, Wall
-from fidelity.filling import filled
-from fidelity.portion import largest_overlap, sphere_centres
 from geometry.mesh import DEGENERATE, Mesh, merged, open_edges, smallest_quality, volume
 from mfopt.arrays import Array
 from mfopt.errors import ConfigError

@@ -3,7 +3,7 @@ import pickle
 import numpy as np
 import pytest
 
-from fidelity.dosing import (
+from fidelity.scenes.dosing.design import (
     cup_motion,
     design,
     design_parts,
@@ -11,7 +11,7 @@ from fidelity.dosing import (
     plate,
     starting_designs,
 )
-from fidelity.settings import CupSettings, DosingSettings
+from fidelity.scenes.dosing.settings import CupSettings, DosingSettings
 from geometry.mesh import merged, open_edges
 from mfopt.arrays import Array
 from mfopt.errors import ConfigError, InvalidDesign

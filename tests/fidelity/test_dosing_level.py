@@ -5,17 +5,17 @@ import numpy as np
 import pytest
 from engine_scenes import ENGINES
 
-from fidelity.bound import filling_time_bound
-from fidelity.bullet import BulletEngine
-from fidelity.dosing import design, dosing_problem
-from fidelity.dosing_level import DosingLevel
 from fidelity.engine import Engine
-from fidelity.settings import DemSettings, DosingSettings
-from fidelity.yade import YadeEngine
+from fidelity.engines.bullet.engine import BulletEngine
+from fidelity.engines.yade.engine import YadeEngine
+from fidelity.scenes.dosing.bound import filling_time_bound
+from fidelity.scenes.dosing.design import design, dosing_problem
+from fidelity.scenes.dosing.level import DosingLevel
+from fidelity.scenes.dosing.settings import DemSettings, DosingSettings
 from mfopt.arrays import Array
-from mfopt.check import Probed
-from mfopt.objective import dispersion
-from mfopt.outcome import Outcome
+from mfopt.campaign.check import Probed
+from mfopt.records.objective import dispersion
+from mfopt.records.outcome import Outcome
 
 SETTINGS = DosingSettings()
 PROBLEM = dosing_problem(SETTINGS)

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scene_portions import movement_to
 
-from fidelity.dosing import design, dosing_problem
-from fidelity.dosing_run import COLLAR, dosing_grain, dosing_setup, packing_order, tally
 from fidelity.engine import Packing, Setup
-from fidelity.portion import loose_portion, sphere_centres
-from fidelity.settings import DemSettings, DosingSettings
+from fidelity.grains.portion import loose_portion, sphere_centres
+from fidelity.scenes.dosing.design import design, dosing_problem
+from fidelity.scenes.dosing.run import COLLAR, dosing_grain, dosing_setup, packing_order, tally
+from fidelity.scenes.dosing.settings import DemSettings, DosingSettings
 
 SETTINGS = DosingSettings()
 PROBLEM = dosing_problem(SETTINGS)

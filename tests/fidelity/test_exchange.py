@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from fidelity.engine import BodyForce, Material, Packing, Physics, Setup, Wall, WallMotion
-from fidelity.exchange import (
+from fidelity.engines.exchange import (
     failed_movement,
     read_movement,
     read_setup,
     write_movement,
     write_setup,
 )
-from fidelity.grain import line_grain
+from fidelity.grains.grain import line_grain
 
 RNG = np.random.default_rng(3)
 

@@ -8,7 +8,7 @@ import pytest
 from scene_portions import movement_to, portion_of
 
 from fidelity.engine import Packing
-from fidelity.filling import filling_time, plane, rectangle, settled, strip, top_of
+from fidelity.grains.filling import filling_time, plane, rectangle, settled, strip, top_of
 from mfopt.errors import SimulationError
 
 

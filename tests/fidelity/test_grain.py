@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from fidelity.engine import Grain
-from fidelity.grain import grain_volume, line_grain, portion_grain
+from fidelity.grains.grain import grain_volume, line_grain, portion_grain
 from mfopt.errors import ConfigError
 
 RICE_DENSITY = 1592.67

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from scene_portions import movement_to, portion_of
 
-from fidelity.bullet import BulletEngine
-from fidelity.filling import filled
-from fidelity.heap import (
+from fidelity.engines.bullet.engine import BulletEngine
+from fidelity.grains.filling import filled
+from fidelity.grains.portion import largest_overlap, sphere_centres
+from fidelity.scenes.heap.run import (
     HeapSettings,
     cone_angle,
     filling_setup,
@@ -17,7 +18,6 @@ from fidelity.heap import (
     heap_setup,
     surface_height,
 )
-from fidelity.portion import largest_overlap, sphere_centres
 from geometry.mesh import Mesh, open_edges
 from mfopt.arrays import Array
 from mfopt.errors import ConfigError

@@ -8,10 +8,10 @@ import numba
 import pytest
 from numba.core.event import install_listener
 
-from fidelity.dosing import dosing_problem
-from fidelity.dosing_level import DosingLevel
-from fidelity.numba_engine import NumbaEngine, first_only, prepare
-from fidelity.settings import DemSettings, DosingSettings
+from fidelity.engines.numba import NumbaEngine, first_only, prepare
+from fidelity.scenes.dosing.design import dosing_problem
+from fidelity.scenes.dosing.level import DosingLevel
+from fidelity.scenes.dosing.settings import DemSettings, DosingSettings
 
 
 def kernel() -> dict[str, list[object]]:
@@ -53,7 +53,7 @@ def test_compiling_is_said_once() -> None:
 
 
 @pytest.mark.parametrize(
-    "module", ["mfopt.commands.app", "fidelity.dosing_level", "fidelity.assemble"]
+    "module", ["mfopt.commands.app", "fidelity.scenes.dosing.level", "mfopt.study.assemble"]
 )
 def test_numba_is_not_loaded_before_it_is_used(module: str) -> None:
     look = f"import sys, {module}; print('numba' in sys.modules)"

@@ -7,18 +7,18 @@ import h5py
 import numpy as np
 import pytest
 
-from fidelity.bullet import BulletEngine
-from fidelity.dosing_run import packing_order
 from fidelity.engine import Grain, Material, Movement, Packing, Physics, Setup
-from fidelity.packing import Order, digest, settled_packing
-from fidelity.portion import (
+from fidelity.engines.bullet.engine import BulletEngine
+from fidelity.grains.packing import Order, digest, settled_packing
+from fidelity.grains.portion import (
     depth_in_section,
     flaw,
     largest_overlap,
     loose_portion,
     sphere_centres,
 )
-from fidelity.settings import DemSettings, DosingSettings
+from fidelity.scenes.dosing.run import packing_order
+from fidelity.scenes.dosing.settings import DemSettings, DosingSettings
 from geometry.sections import Section
 from mfopt.errors import SimulationError
 

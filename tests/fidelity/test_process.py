@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from fidelity import process
-from fidelity.exchange import read_movement
-from fidelity.process import OUTPUT_LIMIT, run_logged
+from fidelity.engines.exchange import read_movement
+from fidelity.programs import process
+from fidelity.programs.process import OUTPUT_LIMIT, run_logged
 from mfopt.errors import SimulationError
 
 PATIENCE_S = 30.0  # for what happens within milliseconds on a machine that is not stuck
@@ -176,7 +176,7 @@ def test_thread_that_started_the_child_may_end(tmp_path: Path) -> None:
 CALLER = """
 import signal, sys
 from pathlib import Path
-from fidelity.process import run_logged
+from fidelity.programs.process import run_logged
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background ignores it
 run_logged(["sh", "-c", sys.argv[2]], directory=Path(sys.argv[1]), time_limit_s=600.0)
 """

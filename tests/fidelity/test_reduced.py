@@ -3,11 +3,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from fidelity.dosing import Design, design, dosing_problem, starting_designs
-from fidelity.reduced import Flow, ReducedDosing, discharge, passage, quantiles, queue
-from fidelity.settings import DosingSettings
+from fidelity.scenes.dosing.design import Design, design, dosing_problem, starting_designs
+from fidelity.scenes.dosing.reduced import Flow, ReducedDosing, discharge, passage, quantiles, queue
+from fidelity.scenes.dosing.settings import DosingSettings
 from mfopt.arrays import Array
-from mfopt.outcome import Outcome
+from mfopt.records.outcome import Outcome
 
 SETTINGS = DosingSettings()
 PROBLEM = dosing_problem(SETTINGS)

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fidelity.bullet import BulletEngine
 from fidelity.engine import BodyForce, Engine, Material, Packing, Physics, Setup
-from fidelity.grain import line_grain
-from fidelity.refuse import refuse
-from fidelity.yade import YadeEngine
+from fidelity.engines.bullet.engine import BulletEngine
+from fidelity.engines.refuse import refuse
+from fidelity.engines.yade.engine import YadeEngine
+from fidelity.grains.grain import line_grain
 from mfopt.errors import ConfigError
 
 JET = BodyForce((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (2.0, 0.0, 0.0))

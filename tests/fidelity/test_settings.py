@@ -3,7 +3,7 @@ import math
 import pytest
 from pydantic import ValidationError
 
-from fidelity.settings import PARAMETERS, DemSettings, DosingSettings
+from fidelity.scenes.dosing.settings import PARAMETERS, DemSettings, DosingSettings
 
 
 def test_defaults_are_the_thirteen_variables() -> None:

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scene_portions import movement_to, portion_of
 
-from fidelity.numba_engine import NumbaEngine
-from fidelity.portion import largest_overlap, sphere_centres
-from fidelity.silo import SiloSettings, silo_load, silo_setup
+from fidelity.engines.numba import NumbaEngine
+from fidelity.grains.portion import largest_overlap, sphere_centres
+from fidelity.scenes.silo.run import SiloSettings, silo_load, silo_setup
 from geometry.mesh import Mesh, merged, open_edges
 from mfopt.errors import ConfigError
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fidelity.engine import WallMotion
-from fidelity.wall_motion import angle_at, rotation, shift_at, top_speed
+from fidelity.engines.wall_motion import angle_at, rotation, shift_at, top_speed
 
 TIMES = np.array([0.0, 0.5, 2.0])
 WAY = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 2.0], [1.0, 3.0, 2.0]])

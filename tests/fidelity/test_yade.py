@@ -30,10 +30,10 @@ from yade_scenes import (
     single,
 )
 
-from fidelity import yade
 from fidelity.engine import Grain, Packing, Physics, Wall, WallMotion
-from fidelity.grain import line_grain
-from fidelity.yade import YadeEngine
+from fidelity.engines.yade import engine as yade
+from fidelity.engines.yade.engine import YadeEngine
+from fidelity.grains.grain import line_grain
 from mfopt.arrays import Array
 from mfopt.errors import ConfigError
 
@@ -347,7 +347,7 @@ def test_yade_dies_with_its_caller(tmp_path: Path) -> None:
     script = (
         "from dataclasses import replace\n"
         "from yade_scenes import BOXED\n"
-        "from fidelity.yade import YadeEngine\n"
+        "from fidelity.engines.yade.engine import YadeEngine\n"
         "YadeEngine().move(replace(BOXED, duration=1e3), time_limit_s=600.0)\n"
     )
     modules = os.pathsep.join([str(ROOT), *sys.path])

@@ -9,8 +9,8 @@ import pytest
 from yade_scenes import BOXED, DENSITY, LIMIT_S, MATERIAL, SMOOTH, G, R, box, rice, single
 
 from fidelity.engine import Grain, Packing, Physics, Wall
-from fidelity.grain import line_grain
-from fidelity.yade import YadeEngine
+from fidelity.engines.yade.engine import YadeEngine
+from fidelity.grains.grain import line_grain
 
 needs_yade = pytest.mark.skipif(
     shutil.which("yade") is None, reason="YADE is not installed (apt-get install yade)"

@@ -11,7 +11,7 @@ import pytest
 from yade_scenes import BOXED, LIMIT_S, lattice
 
 from fidelity.engine import Movement
-from fidelity.yade import PROGRAMS, Precision, YadeEngine
+from fidelity.engines.yade.engine import PROGRAMS, Precision, YadeEngine
 
 LOOK_S = 0.01  # [s] between two looks
 LISTENS = "0A"  # state of a TCP socket that takes connections, in /proc/net/tcp

@@ -167,7 +167,7 @@ def test_run_directory_is_not_written_over(tmp_path: Path) -> None:
 
 
 def test_resume_with_another_study_or_version_is_refused(tmp_path: Path) -> None:
-    from mfopt.store import create
+    from mfopt.campaign.store import create
 
     study, run = tmp_path / "study.toml", tmp_path / "run"
     study.write_text(GOOD)

@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel
 
-from fidelity.assemble import CommandLevelSettings, DemLevelSettings, ReducedLevelSettings
-from fidelity.settings import CupSettings, DosingSettings, MaterialSettings
-from mfopt import study
+from fidelity.scenes.dosing.settings import CupSettings, DosingSettings, MaterialSettings
+from mfopt.study.assemble import CommandLevelSettings, DemLevelSettings, ReducedLevelSettings
+from mfopt.study.file import file as study
 
 PAGE = (Path(__file__).parent.parent.parent / "docs" / "study-file.md").read_text()
 MODELS = [

@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 from campaigns import STUDY
 
-from mfopt.search import Stage
+from mfopt.search.search import Stage
 from mfopt.settings import checked
-from mfopt.study import Study
+from mfopt.study.file import Study
 
 ROOT = Path(__file__).parent.parent.parent
 README = (ROOT / "README.md").read_text()

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from mfopt.store import open_run
+from mfopt.campaign.store import open_run
 
 STUDY = """
 [study]

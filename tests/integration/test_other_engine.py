@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from campaigns import STUDY
 
-from mfopt.store import open_run
+from mfopt.campaign.store import open_run
 
 
 def run(directory: Path, study: str, environment: Mapping[str, str], *more: str) -> str:

@@ -8,8 +8,8 @@ import pytest
 from campaigns import STUDY
 from typer.testing import CliRunner, Result
 
+from mfopt.campaign.store import open_run
 from mfopt.commands.app import app
-from mfopt.store import open_run
 
 REDUCED = STUDY.replace('"dem-40"', '"reduced-60"', 1).replace(
     'engine = {engine}\ngrains = 40\nspheres_per_grain = 1', 'engine = "reduced"\ngrains = 60'
@@ -95,7 +95,7 @@ def test_another_study_is_refused_by_what_differs(again: Path) -> None:
 
 def test_report_and_status_need_no_simulator(again: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The run was made elsewhere, on an engine that is not installed here."""
-    from fidelity.reduced import ReducedDosing
+    from fidelity.scenes.dosing.reduced import ReducedDosing
 
     def missing(*arguments: object, **more: object) -> None:
         raise AssertionError("a simulator was asked for")
@@ -103,7 +103,7 @@ def test_report_and_status_need_no_simulator(again: Path, monkeypatch: pytest.Mo
     monkeypatch.setattr(ReducedDosing, "evaluate", missing)
     study = REDUCED.replace('engine = "reduced"\ngrains = 60', 'engine = "yade"\ngrains = 60')
     other = again.parent / "elsewhere"
-    from mfopt.store import create
+    from mfopt.campaign.store import create
 
     header = {k: v for k, v in open_run(again).header.items() if k not in ("check", "study_check")}
     run = create(other, study, header)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from mfopt.archive import Archive
+from mfopt.search.archive import Archive
 
 
 def test_runs_are_kept_in_order_and_read_only() -> None:

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from mfopt.arrays import Array
-from mfopt.assisted import AssistedCmaEs
 from mfopt.errors import ConfigError
-from mfopt.problem import Problem, Variable
-from mfopt.search import Rung
+from mfopt.records.problem import Problem, Variable
+from mfopt.search.assisted import AssistedCmaEs
+from mfopt.search.search import Rung
 from surrogates.autoregressive import AutoregressiveGp
 
 Function = Callable[[Array], float]

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mfopt.begin import begin, begin_reference, budgets
+from mfopt.campaign.begin import begin, begin_reference, budgets
+from mfopt.campaign.store import create, open_run
 from mfopt.errors import ConfigError
-from mfopt.evaluation import Candidate, Evaluation, Purpose, Reference
-from mfopt.outcome import Outcome
-from mfopt.store import create, open_run
+from mfopt.records.evaluation import Candidate, Evaluation, Purpose, Reference
+from mfopt.records.outcome import Outcome
 
 HERE = Reference("fine-yade", "yade", "2023.02a")
 NEWER = Reference("fine-yade", "yade", "2024.01")

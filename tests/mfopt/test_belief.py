@@ -1,8 +1,8 @@
 import numpy as np
 
-from mfopt.archive import Archive
-from mfopt.belief import FURTHEST, learn
-from mfopt.distribution import Distribution
+from mfopt.search.archive import Archive
+from mfopt.search.belief import FURTHEST, learn
+from mfopt.search.distribution import Distribution
 from surrogates.autoregressive import AutoregressiveGp
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from mfopt.cache import cache_directory
 from mfopt.errors import ConfigError
+from mfopt.files.cache import cache_directory
 
 
 @pytest.fixture(autouse=True)
@@ -60,7 +60,7 @@ def test_a_temporary_cache_that_others_can_write_is_not_used(
 
 WITHOUT_PASSWD_ENTRY = """
 import os
-from mfopt.cache import cache_directory
+from mfopt.files.cache import cache_directory
 os.environ.pop("HOME", None)
 os.environ.pop("XDG_CACHE_HOME", None)
 os.setuid(61234)
@@ -69,7 +69,7 @@ print(cache_directory())
 
 FULL = """
 import resource
-from mfopt.cache import cache_directory
+from mfopt.files.cache import cache_directory
 from mfopt.errors import ConfigError
 resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
 try:

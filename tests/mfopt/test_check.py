@@ -6,14 +6,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
+from fidelity.programs.function import FunctionLevel
 from mfopt.arrays import Array
-from mfopt.check import LONG, SHORT, Checked, Probed, check_levels
+from mfopt.campaign.check import LONG, SHORT, Checked, Probed, check_levels
+from mfopt.campaign.executor import Runner, one_thread
 from mfopt.errors import SimulationError
-from mfopt.evaluation import Evaluation
-from mfopt.executor import Runner, one_thread
-from mfopt.function_level import FunctionLevel
-from mfopt.level import Ladder, Level
-from mfopt.outcome import Outcome
+from mfopt.records.evaluation import Evaluation
+from mfopt.records.level import Ladder, Level
+from mfopt.records.outcome import Outcome
 
 X = np.array([0.5])
 CPU_PER_WORK, START_S = 0.25, 3.0

@@ -4,8 +4,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mfopt.archive import Archive
-from mfopt.climbing import Standing, misled, validation_due, why_climb
+from mfopt.search.archive import Archive
+from mfopt.search.climbing import Standing, misled, validation_due, why_climb
 
 
 def archive(above: Sequence[float]) -> Archive:

@@ -13,18 +13,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fidelity.programs.function import FunctionLevel
 from mfopt.arrays import Array
-from mfopt.cluster import dask_cluster
-from mfopt.cmaes import CmaEs
+from mfopt.campaign.cluster import dask_cluster
+from mfopt.campaign.executor import MakeExecutor, Runner, one_thread
+from mfopt.campaign.run import run_study
+from mfopt.campaign.store import create, open_run
 from mfopt.errors import SimulationError
-from mfopt.evaluation import Candidate
-from mfopt.executor import MakeExecutor, Runner, one_thread
-from mfopt.function_level import FunctionLevel
-from mfopt.level import Ladder
-from mfopt.problem import Problem, Variable
-from mfopt.run import run_study
-from mfopt.search import Stage
-from mfopt.store import create, open_run
+from mfopt.records.evaluation import Candidate
+from mfopt.records.level import Ladder
+from mfopt.records.problem import Problem, Variable
+from mfopt.search.cmaes import CmaEs
+from mfopt.search.search import Stage
 
 pytest.importorskip("distributed", reason="needs the extra `cluster`")
 

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from mfopt.arrays import Array
-from mfopt.cmaes import CmaEs
 from mfopt.errors import ConfigError, SimulationError
-from mfopt.evaluation import Generation
-from mfopt.problem import Constraint, Problem, Variable
-from mfopt.search import Stage
+from mfopt.records.evaluation import Generation
+from mfopt.records.problem import Constraint, Problem, Variable
+from mfopt.search.cmaes import CmaEs
+from mfopt.search.search import Stage
 
 Function = Callable[[Array], float]
 

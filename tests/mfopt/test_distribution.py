@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from mfopt.arrays import Array
-from mfopt.distribution import Distribution
+from mfopt.search.distribution import Distribution
 
 
 def learnt(seed: int = 1) -> Distribution:
@@ -67,7 +67,7 @@ def test_few_points_are_folded_back_at_the_walls(monkeypatch: pytest.MonkeyPatch
         return float(np.std(wide.sample(2000)))
 
     redrawn = spread()
-    monkeypatch.setattr("mfopt.distribution.TRIES", 1)
+    monkeypatch.setattr("mfopt.search.distribution.TRIES", 1)
     assert redrawn < 0.95 * spread()
 
 

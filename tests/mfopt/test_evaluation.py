@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from mfopt.evaluation import Insight
+from mfopt.records.evaluation import Insight
 
 
 def insight(mean: float, deviation: float, *, positive: bool) -> Insight:

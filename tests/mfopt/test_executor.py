@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from mfopt.arrays import Array
-from mfopt.cluster import dask_cluster
+from mfopt.campaign.cluster import dask_cluster
+from mfopt.campaign.executor import MakeExecutor, Runner, evaluate, one_thread
+from mfopt.campaign.local_workers import LocalPool, local_processes
 from mfopt.errors import ConfigError
-from mfopt.evaluation import Candidate
-from mfopt.executor import MakeExecutor, Runner, evaluate, one_thread
-from mfopt.level import Ladder
-from mfopt.local_workers import LocalPool, local_processes
-from mfopt.outcome import Outcome
+from mfopt.records.evaluation import Candidate
+from mfopt.records.level import Ladder
+from mfopt.records.outcome import Outcome
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ def test_a_full_disk_stops_the_study_instead_of_failing_its_runs(tmp_path: Path)
 
 def test_missing_scheduler_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed", reason="needs the extra `cluster`")
-    monkeypatch.setattr("mfopt.cluster.CONNECT_S", 0.5)
+    monkeypatch.setattr("mfopt.campaign.cluster.CONNECT_S", 0.5)
     with pytest.raises(ConfigError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:9"):
         dask_cluster("tcp://127.0.0.1:9")()
 

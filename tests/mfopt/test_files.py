@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from mfopt.errors import ConfigError
-from mfopt.files import write_aside
+from mfopt.files.whole import write_aside
 
 
 @pytest.mark.parametrize("number", [errno.EIO, errno.EROFS, errno.ENOSPC, errno.EDQUOT])

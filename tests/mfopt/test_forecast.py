@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from mfopt.forecast import Forecast, time_to_go
+from mfopt.commands.forecast import Forecast, time_to_go
 
 WORK = {"reduced": 0.001, "coarse": 1.0, "fine": 10.0}
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from fidelity.programs.function import FunctionLevel
 from mfopt.errors import ConfigError
-from mfopt.function_level import FunctionLevel
 
 X = np.array([0.5])
 

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from mfopt.api import minimize
+from fidelity.programs.function import FunctionLevel
+from mfopt.campaign.executor import Runner
+from mfopt.campaign.local_workers import local_processes
 from mfopt.errors import ConfigError, SimulationError
-from mfopt.executor import Runner
-from mfopt.function_level import FunctionLevel
-from mfopt.level import Ladder
-from mfopt.local_workers import local_processes
+from mfopt.records.level import Ladder
+from mfopt.study.minimize import minimize
 
 PATIENCE_S = 60.0
 
@@ -102,11 +102,11 @@ def test_workers_that_die_while_they_start_end_the_study_and_say_why(tmp_path: P
     script = """
 import sys
 from mfopt.errors import SimulationError
-from mfopt.evaluation import Candidate
-from mfopt.executor import Runner
-from mfopt.level import Ladder
-from mfopt.function_level import FunctionLevel
-from mfopt.local_workers import local_processes
+from mfopt.records.evaluation import Candidate
+from mfopt.campaign.executor import Runner
+from mfopt.records.level import Ladder
+from fidelity.programs.function import FunctionLevel
+from mfopt.campaign.local_workers import local_processes
 import numpy as np
 
 if __name__ != "__main__":
@@ -154,7 +154,7 @@ def killed(*_: object) -> None:
 def test_no_worker_at_all_where_all_are_killed_at_their_start(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("mfopt.local_workers._start", killed)
+    monkeypatch.setattr("mfopt.campaign.local_workers._start", killed)
     runner = Runner(local_processes(1))
     with pytest.raises(SimulationError, match="too little memory"):
         runner.check(Ladder((FunctionLevel("f", max),)))

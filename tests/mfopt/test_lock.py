@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from mfopt.errors import ConfigError
-from mfopt.lock import held
+from mfopt.files.lock import held
 
 NO_LOCKS = (errno.EBADF, errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)
 
@@ -85,7 +85,7 @@ def test_without_flock_a_link_names_the_holder(
 HOLDER = """
 import errno, fcntl, sys, time
 from pathlib import Path
-from mfopt.lock import held
+from mfopt.files.lock import held
 def refuse(file, operation):
     raise OSError(errno.ENOLCK, "no locks available")
 if sys.argv[2] == "link":

@@ -5,7 +5,7 @@ import pytest
 
 from mfopt.arrays import AnyArray
 from mfopt.errors import ConfigError
-from mfopt.objective import (
+from mfopt.records.objective import (
     ObjectiveSettings,
     dispersion,
     filling_time,
@@ -17,7 +17,7 @@ from mfopt.objective import (
     returned,
     value,
 )
-from mfopt.outcome import Outcome
+from mfopt.records.outcome import Outcome
 
 X = np.zeros(1)
 

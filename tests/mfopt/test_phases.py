@@ -3,17 +3,17 @@
 import numpy as np
 import pytest
 
-from mfopt.evaluation import Evaluation
-from mfopt.outcome import Outcome
-from mfopt.phases import (
+from mfopt.arrays import distinct
+from mfopt.campaign.phases import (
     CONFIRM_SEED,
     FINALIST_SEED,
     Finals,
     Starts,
     by_mean,
-    distinct,
     finalists,
 )
+from mfopt.records.evaluation import Evaluation
+from mfopt.records.outcome import Outcome
 
 A, B, C = (np.full(2, value) for value in (0.1, 0.2, 0.3))
 

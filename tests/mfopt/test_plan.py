@@ -1,6 +1,6 @@
 import numpy as np
 
-from mfopt.plan import Plan
+from mfopt.search.plan import Plan
 
 A, B = np.array([0.1, 0.2]), np.array([0.3, 0.4])
 

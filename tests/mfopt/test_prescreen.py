@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from mfopt.arrays import Array
-from mfopt.prescreen import blurred, minimiser, thompson
-from mfopt.surrogate import Observations, Posterior
+from mfopt.search.prescreen import blurred, minimiser, thompson
+from mfopt.search.surrogate import Observations, Posterior
 from surrogates.autoregressive import AutoregressiveGp
 
 BOTTOM = np.array([0.6, -0.3, 0.2])

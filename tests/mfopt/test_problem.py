@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from mfopt.errors import ConfigError
-from mfopt.problem import Problem, Variable
+from mfopt.records.problem import Problem, Variable
 
 
 def test_unit_cube_and_back_is_the_identity() -> None:

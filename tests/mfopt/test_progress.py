@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from mfopt.evaluation import Candidate, Evaluation, Insight, Purpose
-from mfopt.outcome import Outcome
-from mfopt.progress import ProgressDisplay, fitted
-from mfopt.run import Progress
+from mfopt.campaign.run import Progress
+from mfopt.commands.progress import ProgressDisplay, fitted
+from mfopt.records.evaluation import Candidate, Evaluation, Insight, Purpose
+from mfopt.records.outcome import Outcome
 
 WORK = {"fine": 10.0, "fine-yade": 300.0}
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from mfopt.ranking import certainty, expected_weights, recombination_weights
+from mfopt.search.ranking import certainty, expected_weights, recombination_weights
 
 
 def test_weights_are_those_of_the_tutorial() -> None:

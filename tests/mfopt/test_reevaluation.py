@@ -5,17 +5,19 @@ import cma
 import numpy as np
 import pytest
 
+from fidelity.programs.function import FunctionLevel
 from mfopt.arrays import Array
-from mfopt.cmaes import CmaEs
+from mfopt.campaign.executor import Runner, one_thread
+from mfopt.campaign.run import Progress, run_study
+from mfopt.campaign.store import create, open_run
 from mfopt.errors import ConfigError
-from mfopt.evaluation import Candidate, Insight
-from mfopt.executor import Runner, one_thread
-from mfopt.function_level import FunctionLevel
-from mfopt.level import Ladder
-from mfopt.noise_share import NoiseShare, belief, believed_values
-from mfopt.problem import Problem, Variable
-from mfopt.ranking import recombination_weights
-from mfopt.reevaluation import (
+from mfopt.records.evaluation import Candidate, Insight
+from mfopt.records.level import Ladder
+from mfopt.records.problem import Problem, Variable
+from mfopt.search.cmaes import CmaEs
+from mfopt.search.noise_share import NoiseShare, belief, believed_values
+from mfopt.search.ranking import recombination_weights
+from mfopt.search.reevaluation import (
     ALPHA_T,
     MOST_RUNS,
     THETA,
@@ -25,10 +27,8 @@ from mfopt.reevaluation import (
     gains,
     uncertainty,
 )
-from mfopt.run import Progress, run_study
-from mfopt.search import Reevaluate, Stage
-from mfopt.store import create, open_run
-from mfopt.study import SearchSettings
+from mfopt.search.search import Reevaluate, Stage
+from mfopt.study.file import SearchSettings
 
 RULES: list[Reevaluate] = ["ranks", "elite"]
 Measure = Callable[[Candidate], float]

@@ -4,21 +4,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fidelity.programs.function import FunctionLevel
 from mfopt.arrays import Array
-from mfopt.assisted import AssistedCmaEs
-from mfopt.check import check_levels
-from mfopt.cmaes import CmaEs
+from mfopt.campaign.check import check_levels
+from mfopt.campaign.executor import Runner, one_thread
+from mfopt.campaign.phases import CONFIRM_SEED, Finals, Starts
+from mfopt.campaign.run import Progress, run_study
+from mfopt.campaign.store import RunDirectory, create, open_run
 from mfopt.errors import ConfigError
-from mfopt.evaluation import Evaluation
-from mfopt.executor import Runner, one_thread
-from mfopt.function_level import FunctionLevel
-from mfopt.level import Ladder, Level
-from mfopt.objective import judged, objective_named
-from mfopt.phases import CONFIRM_SEED, Finals, Starts
-from mfopt.problem import Problem, Variable
-from mfopt.run import Progress, run_study
-from mfopt.search import Rung, Search, Stage
-from mfopt.store import RunDirectory, create, open_run
+from mfopt.records.evaluation import Evaluation
+from mfopt.records.level import Ladder, Level
+from mfopt.records.objective import judged, objective_named
+from mfopt.records.problem import Problem, Variable
+from mfopt.search.assisted import AssistedCmaEs
+from mfopt.search.cmaes import CmaEs
+from mfopt.search.search import Rung, Search, Stage
 from surrogates.autoregressive import AutoregressiveGp
 
 PROBLEM = Problem((Variable("a", -1.0, 1.0), Variable("b", -1.0, 1.0)), np.array([0.8, 0.8]))

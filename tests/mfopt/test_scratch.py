@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fidelity.programs.function import FunctionLevel
+from mfopt.campaign.executor import evaluate
 from mfopt.errors import ConfigError
-from mfopt.executor import evaluate
-from mfopt.function_level import FunctionLevel
-from mfopt.scratch import PREFIX, remove_leftovers, scratch
+from mfopt.files.scratch import PREFIX, remove_leftovers, scratch
 
 
 @pytest.fixture
@@ -26,7 +26,7 @@ def temporary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]
 
 
 HOLDER = """
-from mfopt.scratch import scratch
+from mfopt.files.scratch import scratch
 with scratch() as folder:
     (folder / "file").touch()
     print(folder, flush=True)

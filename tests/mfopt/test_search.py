@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
+from fidelity.programs.function import FunctionLevel
 from mfopt.errors import ConfigError
-from mfopt.function_level import FunctionLevel
-from mfopt.level import Ladder
-from mfopt.search import CHEAPEST, Rung, Stage, affordable, check_rungs, rungs
+from mfopt.records.level import Ladder
+from mfopt.search.search import CHEAPEST, Rung, Stage, affordable, check_rungs, rungs
 
 X = np.array([0.5])
 

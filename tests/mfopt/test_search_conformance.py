@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from mfopt.arrays import Array
-from mfopt.assisted import AssistedCmaEs
-from mfopt.cmaes import CmaEs
 from mfopt.errors import ConfigError
-from mfopt.problem import Constraint, Problem, Variable
-from mfopt.search import Rung, Search, Stage
+from mfopt.records.problem import Constraint, Problem, Variable
+from mfopt.search.assisted import AssistedCmaEs
+from mfopt.search.cmaes import CmaEs
+from mfopt.search.search import Rung, Search, Stage
 from surrogates.autoregressive import AutoregressiveGp
 
 Make = Callable[..., Search]

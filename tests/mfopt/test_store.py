@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mfopt.array_file import read_arrays, write_arrays
+from mfopt.campaign.memory import Memory
+from mfopt.campaign.store import create, open_run, writing
 from mfopt.errors import ConfigError
-from mfopt.evaluation import Candidate, Evaluation, Generation
-from mfopt.memory import Memory
-from mfopt.outcome import Outcome, Status
-from mfopt.store import create, open_run, writing
+from mfopt.files.array_file import read_arrays, write_arrays
+from mfopt.records.evaluation import Candidate, Evaluation, Generation
+from mfopt.records.outcome import Outcome, Status
 
 
 def evaluation(index: int) -> Evaluation:
@@ -362,7 +362,7 @@ WRITER = """
 import sys
 sys.path.insert(0, {tests!r})
 from pathlib import Path
-from mfopt.store import create
+from mfopt.campaign.store import create
 from test_store import evaluation
 run = create(Path(sys.argv[1]), "", {{}})
 print("ready", flush=True)

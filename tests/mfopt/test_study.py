@@ -4,7 +4,7 @@ import pytest
 
 from mfopt.errors import ConfigError
 from mfopt.settings import checked
-from mfopt.study import ProblemSettings
+from mfopt.study.file import ProblemSettings
 
 
 def test_a_portion_without_grains_that_count_is_refused() -> None:

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from mfopt.archive import Archive
 from mfopt.errors import ConfigError
-from mfopt.problem import Problem, Variable
-from mfopt.swap import Exchange, check_pair, swapped, wrong_way
+from mfopt.records.problem import Problem, Variable
+from mfopt.search.archive import Archive
+from mfopt.search.swap import Exchange, check_pair, swapped, wrong_way
 
 VARIABLES = (Variable("a", 0.0, 1.0), Variable("b", 0.0, 2.0), Variable("c", 0.0, 1.0))
 PROBLEM = Problem(VARIABLES, np.full(3, 0.5))

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from mfopt.arrays import AnyArray, Array, frozen
-from mfopt.evaluation import Candidate, Evaluation, Generation, Insight, Purpose, Reference
-from mfopt.objective import ObjectiveSettings, dispersion, value
-from mfopt.outcome import Outcome
-from mfopt.store import RunDirectory, create, open_run
+from mfopt.campaign.store import RunDirectory, create, open_run
+from mfopt.records.evaluation import Candidate, Evaluation, Generation, Insight, Purpose, Reference
+from mfopt.records.objective import ObjectiveSettings, dispersion, value
+from mfopt.records.outcome import Outcome
 from reports.design import DesignView, Mesh
 
 MM = 1e-3

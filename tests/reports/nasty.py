@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 
 from mfopt.arrays import AnyArray, Array, frozen
-from mfopt.evaluation import Candidate, Evaluation, Generation, Insight, Purpose, Reference
-from mfopt.objective import judged, objective_named
-from mfopt.outcome import Outcome
-from mfopt.store import RunDirectory, create, open_run
+from mfopt.campaign.store import RunDirectory, create, open_run
+from mfopt.records.evaluation import Candidate, Evaluation, Generation, Insight, Purpose, Reference
+from mfopt.records.objective import judged, objective_named
+from mfopt.records.outcome import Outcome
 from reports.design import Describe, DesignView, no_view
 
 NUMBERS = (

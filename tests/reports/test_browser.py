@@ -10,7 +10,7 @@ import pytest
 from browser import CHROMIUM, Browser, Page, chromium
 
 from mfopt.arrays import AnyArray, Array
-from mfopt.store import RunDirectory
+from mfopt.campaign.store import RunDirectory
 from reports import DesignView, write_report
 
 pytestmark = pytest.mark.skipif(

@@ -6,8 +6,8 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from mfopt.evaluation import Generation, Purpose
-from mfopt.store import RunDirectory
+from mfopt.campaign.store import RunDirectory
+from mfopt.records.evaluation import Generation, Purpose
 from reports.campaign import PHASES, cost_words, costs, failures, reason, stages, steps
 from reports.rows import Row, read_rows
 

@@ -8,8 +8,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from mfopt.arrays import Array
-from mfopt.evaluation import Generation
-from mfopt.store import RunDirectory
+from mfopt.campaign.store import RunDirectory
+from mfopt.records.evaluation import Generation
 from reports import charts, course_chart
 from reports.campaign import Step, steps
 from reports.design import DesignView

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mfopt.evaluation import Generation
-from mfopt.store import RunDirectory
+from mfopt.campaign.store import RunDirectory
+from mfopt.records.evaluation import Generation
 from reports import course_chart, write_report
 from reports.answer import answer, found_in
 from reports.course import changes, course, ranking, restart_places

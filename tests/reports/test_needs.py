@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mfopt.evaluation import Purpose
+from mfopt.records.evaluation import Purpose
 from reports.needs import SIMPLE, Need, needs
 from reports.result import result
 from reports.rows import Row

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from mfopt.arrays import Array
-from mfopt.store import RunDirectory
+from mfopt.campaign.store import RunDirectory
 from reports.design import DesignView
 from reports.pictures import rotate, section, shapes, snapshots, wall_lines
 from reports.result import result

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mfopt.evaluation import Purpose, Reference
+from mfopt.records.evaluation import Purpose, Reference
 from reports.reference import Repeated, lines, ratio, repeated, words
 from reports.rows import Row
 from reports.units import Display

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mfopt.evaluation import Insight
+from mfopt.records.evaluation import Insight
 from reports.result import best_at, compare, result, solutions, typical_first
 from reports.rows import Row
 from reports.sentence import sentence

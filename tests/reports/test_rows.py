@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from mfopt.arrays import AnyArray, Array, frozen
-from mfopt.evaluation import Candidate, Evaluation, Generation
-from mfopt.objective import filling_time, objective_named, value
-from mfopt.outcome import Outcome
-from mfopt.store import RunDirectory, create
+from mfopt.campaign.store import RunDirectory, create
+from mfopt.records.evaluation import Candidate, Evaluation, Generation
+from mfopt.records.objective import filling_time, objective_named, value
+from mfopt.records.outcome import Outcome
 from reports.rows import Row, read_rows
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from mfopt.arrays import Array
-from mfopt.evaluation import Reference
-from mfopt.store import RunDirectory
+from mfopt.campaign.store import RunDirectory
+from mfopt.records.evaluation import Reference
 from reports import DesignView, write_report
 
 Machine = Callable[[Array], DesignView]

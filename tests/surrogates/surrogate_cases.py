@@ -3,7 +3,7 @@
 import numpy as np
 
 from mfopt.arrays import Array, IntArray
-from mfopt.surrogate import Observations
+from mfopt.search.surrogate import Observations
 
 
 def sphere(z: Array) -> Array:

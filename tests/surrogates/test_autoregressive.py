@@ -6,8 +6,8 @@ from surrogate_cases import branin, rosenbrock, runs, sphere, waves, wing_weight
 
 from mfopt.arrays import Array
 from mfopt.errors import ConfigError
-from mfopt.prescreen import minimiser
-from mfopt.surrogate import Observations, Posterior, Surrogate
+from mfopt.search.prescreen import minimiser
+from mfopt.search.surrogate import Observations, Posterior, Surrogate
 from surrogates.autoregressive import AutoregressiveGp
 
 SURROGATES = [AutoregressiveGp]

@@ -5,7 +5,7 @@ import torch
 from scipy.stats import multivariate_normal
 from surrogate_cases import rosenbrock, sphere
 
-from mfopt.surrogate import Hyperparameters
+from mfopt.search.surrogate import Hyperparameters
 from surrogates.gaussian_process import component, weights
 from surrogates.likelihood import LogDensity, data_of
 from surrogates.map_fit import default, from_model, maximise, one_thread, to_model

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from benchmarks.search.case import Array
-from mfopt.assisted import DRAWS, AssistedCmaEs
-from mfopt.climbing import BELOW_SHARE
-from mfopt.prescreen import DECIDED
-from mfopt.ranking import certainty
+from mfopt.search.assisted import DRAWS, AssistedCmaEs
+from mfopt.search.climbing import BELOW_SHARE
+from mfopt.search.prescreen import DECIDED
+from mfopt.search.ranking import certainty
 
 
 class NoProposal(AssistedCmaEs):

@@ -12,10 +12,10 @@ import numpy as np
 
 from benchmarks.search.case import Array, Case, Meter, Spent, Trace
 from benchmarks.search.peers.ablations import ABLATIONS
-from mfopt.assisted import AssistedCmaEs
-from mfopt.cmaes import CmaEs
-from mfopt.problem import Problem, Variable
-from mfopt.search import Reevaluate, Rung, Search, Stage, default_population_size
+from mfopt.records.problem import Problem, Variable
+from mfopt.search.assisted import AssistedCmaEs
+from mfopt.search.cmaes import CmaEs
+from mfopt.search.search import Reevaluate, Rung, Search, Stage, default_population_size
 from surrogates.autoregressive import AutoregressiveGp
 
 Build = Callable[[Case, float, int], Search]

@@ -1,0 +1,1 @@
+"""Grain engines: each moves what a setup describes."""

@@ -1,0 +1,1 @@
+"""PyBullet, rigid bodies in a process of its own."""

@@ -1,0 +1,109 @@
+"""PyBullet as an engine: rigid bodies and impulses, a contact model independent of the springs.
+
+What it makes of a setup: Coulomb friction as given; stiffness does not occur, bodies are
+rigid; `Physics.restitution`, or where it is not given the one that the numerical damping
+stands for (`world.restitution`). A moving wall yields a little to what it pinches
+(`world.MOVING_WALL_MODULUS`). Free fall is undamped. `Physics.timestep_factor` is
+for contact springs and not used. A grain's spheres, mass and inertia are the setup's.
+"""
+
+import importlib.metadata
+import importlib.util
+import sys
+from dataclasses import dataclass
+
+from fidelity.engine import Grain, Material, Movement, Physics, Setup, checked
+from fidelity.engines.exchange import failed_movement, read_movement, write_setup
+from fidelity.engines.refuse import refuse
+from fidelity.programs.process import run_logged
+from mfopt.errors import ConfigError
+from mfopt.files.scratch import scratch
+
+LAST_PYTHON = (3, 11)  # that PyBullet has a wheel for
+
+LACKS = (
+    "contact_law",
+    "rolling_friction",
+    "adhesion_energy",
+    "linear_drag",
+    "quadratic_drag",
+    "body_forces",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class BulletEngine:
+    """Bullet through its Python wheel, one process a run."""
+
+    # Shortened where a grain would fall half its radius in a step (script.safe_timestep).
+    timestep_s: float = 1e-3
+    iterations: int = 10  # of the contact solver, per step
+
+    def __post_init__(self) -> None:
+        if not self.timestep_s > 0.0:
+            raise ConfigError(f"timestep_s = {self.timestep_s:g} must be positive; 0.001 is usual")
+        if self.iterations < 1:
+            raise ConfigError(f"iterations = {self.iterations} must be at least 1; 10 is usual")
+
+    @property
+    def name(self) -> str:
+        """`bullet`."""
+        return "bullet"
+
+    @property
+    def cost_factor(self) -> float:
+        """CPU time of a sphere-step over YADE's, in the dosing scene with 300 5-sphere grains."""
+        return 5.0
+
+    def version(self) -> str:
+        """Version of PyBullet.
+
+        Raises:
+            ConfigError: if it is not installed.
+        """
+        if importlib.util.find_spec("pybullet") is None:
+            raise ConfigError(f"engine bullet: PyBullet is missing; {remedy(sys.version_info[:2])}")
+        return f"pybullet {importlib.metadata.version('pybullet')}"
+
+    def timestep(
+        self, grain: Grain, grain_material: Material, wall_material: Material, physics: Physics
+    ) -> float:
+        """Time step [s]: the engine's own, whatever grains and materials."""
+        return self.timestep_s
+
+    def move(self, setup: Setup, *, time_limit_s: float) -> Movement:
+        """Move the grains. A run that crashes, explodes or hangs is returned as such.
+
+        Raises:
+            ConfigError: if the setup asks for physics that Bullet lacks.
+        """
+        refuse(self.name, setup.physics, lacks=LACKS)
+        with scratch() as directory:
+            settings = {"timestep": self.timestep_s, "iterations": self.iterations}
+            write_setup(setup, directory, settings)
+            ended = run_logged(
+                [sys.executable, "-m", "fidelity.engines.bullet.script", str(directory)],
+                directory=directory,
+                time_limit_s=time_limit_s,
+            )
+            movement = read_movement(directory, cpu_s=ended.cpu_s)
+        if ended.timed_out:
+            why = f"not ready within the time limit of {time_limit_s:g} s"
+            return failed_movement(setup, "timed_out", why, cpu_s=ended.cpu_s)
+        if ended.returncode != 0 or movement is None:
+            why = f"Bullet ended with {ended.returncode}; last lines of its log:"
+            return failed_movement(
+                setup, "crashed", f"{why}\n{ended.last_lines}", cpu_s=ended.cpu_s
+            )
+        return checked(movement)
+
+
+def remedy(python: tuple[int, int]) -> str:
+    """What to do where PyBullet is missing, in that version of Python."""
+    if python <= LAST_PYTHON:
+        return "run `pip install pybullet`"
+    wanted, found = (".".join(map(str, version)) for version in (LAST_PYTHON, python))
+    return (
+        f"it has no wheel for Python {found}: use Python {wanted} or older, or another engine, "
+        "such as numba"
+    )

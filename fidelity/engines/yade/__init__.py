@@ -1,0 +1,1 @@
+"""YADE, the reference engine, in a process of its own."""

@@ -1,0 +1,1 @@
+"""Grains: shape, loose and settled portions, filling of a vessel."""

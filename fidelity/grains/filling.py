@@ -1,0 +1,146 @@
+"""Filling a vessel: grains are put in loosely, rain down, and come to rest with full friction.
+
+The same on every engine, so that a packing differs between engines only by how they move it.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fidelity.engine import (
+    Engine,
+    Grain,
+    Material,
+    Movement,
+    Packing,
+    Physics,
+    Setup,
+    Wall,
+)
+from fidelity.grains.portion import loose_portion
+from geometry.sections import Section
+from mfopt.arrays import IntArray, frozen
+from mfopt.errors import SimulationError
+
+FILLING_DAMPING = 0.4  # [-] numerical damping, on the fall too: brings the grains to rest soon
+COMING_TO_REST = 0.4  # [s] after the fall; grains that still move then creep at a few mm/s
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Portion:
+    """Grains of one kind, and the materials and numerics that they are moved with."""
+
+    grain: Grain
+    grains: int
+    grain_material: Material
+    wall_material: Material
+    physics: Physics
+
+    @property
+    def mass(self) -> float:
+        """Mass of all grains [kg]."""
+        return self.grains * self.grain.mass
+
+    @property
+    def grain_length(self) -> float:
+        """Length of a grain along its long axis [m]."""
+        ends = np.abs(self.grain.offsets[:, 0]) + self.grain.radii
+        return 2.0 * float(ends.max())
+
+    @property
+    def grain_diameter(self) -> float:
+        """Diameter of the sphere that weighs as much as a grain [m]."""
+        return math.cbrt(6.0 * self.grain.mass / (math.pi * self.grain_material.density))
+
+
+def loose_in(
+    portion: Portion, section: Section, bottom_z: float, seed: int, *, chordal_error: float = 0.0
+) -> Packing:
+    """Put the portion loosely into a vessel of that section, from `bottom_z` [m] up.
+
+    `chordal_error` [m] is how far the vessel's mesh may lie within its exact section.
+
+    Raises:
+        SimulationError: if the grain is too long for the vessel.
+    """
+    loose = loose_portion(portion.grain, section, portion.grains, seed, chordal_error=chordal_error)
+    return Packing(frozen(loose.positions + np.array([0.0, 0.0, bottom_z])), loose.orientations)
+
+
+def top_of(portion: Portion, packing: Packing) -> float:
+    """Height [m] above which none of the grains reaches, however it turns."""
+    return float(packing.positions[:, 2].max()) + portion.grain_length
+
+
+def filling_physics(portion: Portion) -> Physics:
+    """The portion's physics, damped so that falling grains soon rest."""
+    return replace(portion.physics, damping=FILLING_DAMPING, damp_gravity=True)
+
+
+def filling_time(portion: Portion, height: float) -> float:
+    """Time [s] within which grains that fall `height` [m] at most come to rest."""
+    acceleration = (1.0 - FILLING_DAMPING) * portion.physics.gravity
+    return math.sqrt(2.0 * height / acceleration) + COMING_TO_REST
+
+
+def settling_setup(portion: Portion, loose: Packing, walls: tuple[Wall, ...]) -> Setup:
+    """Let loose grains rain down in a closed vessel until they rest."""
+    floor = min(float(wall.vertices[:, 2].min()) for wall in walls)
+    return Setup(
+        grain=portion.grain,
+        packing=loose,
+        grain_material=portion.grain_material,
+        walls=walls,
+        physics=filling_physics(portion),
+        duration=filling_time(portion, top_of(portion, loose) - floor),
+        exit_z=floor - portion.grain_length,
+        settle=True,
+    )
+
+
+def settled(movement: Movement) -> Packing:
+    """The packing that a filling ended with.
+
+    Raises:
+        SimulationError: if the run failed, or a grain got out of the vessel.
+    """
+    if movement.status != "finished":
+        raise SimulationError(f"filling the vessel failed: {movement.why}")
+    out = int(np.isfinite(movement.exit_times).sum())
+    if out:
+        raise SimulationError(
+            f"{out} grains left the closed vessel while it was filled; use a shorter time step or "
+            "stiffer grains"
+        )
+    return Packing(frozen(movement.positions), frozen(movement.orientations))
+
+
+def filled(engine: Engine, setup: Setup, *, time_limit_s: float) -> tuple[Packing, Movement]:
+    """Run a `settling_setup`: the packing at rest, and the movement for what it cost.
+
+    Raises:
+        SimulationError: if the grains cannot be settled; the message says what happened.
+    """
+    movement = engine.move(setup, time_limit_s=time_limit_s)
+    return settled(movement), movement
+
+
+def rectangle(length: float, width: float, z: float) -> list[list[float]]:
+    """Corners of a horizontal rectangle around x = y = 0, counter-clockwise from above [m]."""
+    x, y = length / 2, width / 2
+    return [[-x, -y, z], [x, -y, z], [x, y, z], [-x, y, z]]
+
+
+def plane(name: str, length: float, width: float, z: float, material: Material) -> Wall:
+    """A horizontal rectangle as a wall."""
+    corners = np.array(rectangle(length, width, z))
+    return Wall(name, corners, np.array([[0, 1, 2], [0, 2, 3]]), material)
+
+
+def strip(lower: IntArray, upper: IntArray) -> list[list[int]]:
+    """Triangles between two closed rings of as many vertices; normals to the outside."""
+    triangles = []
+    for a, b, c, d in zip(lower, np.roll(lower, -1), np.roll(upper, -1), upper, strict=True):
+        triangles += [[a, b, c], [a, c, d]]
+    return triangles

@@ -1,0 +1,1 @@
+"""Discharge of a hopper through an outlet."""

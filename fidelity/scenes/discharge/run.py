@@ -1,0 +1,165 @@
+"""The discharge scene: a filled hopper with a slot or a hole, and what leaves it over time.
+
+The grains settle on a gate that closes the outlet at z = 0. The run starts with the gate gone:
+time counts from there. A grain has passed when its mass centre is `fall` below the outlet.
+The floor is flat, or leads down to the outlet as a wedge (a pyramid where the outlet is
+narrower than the box in both directions).
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from fidelity.engine import Movement, Packing, Setup, Wall
+from fidelity.grains.filling import (
+    Portion,
+    loose_in,
+    plane,
+    rectangle,
+    settling_setup,
+    strip,
+    top_of,
+)
+from geometry.sections import Section
+from mfopt.arrays import Array, frozen
+from mfopt.errors import ConfigError
+
+# The part of the mass that left between which the rate is taken: it leaves out the start,
+# when grains still gather speed, and the end, when the last of them trickle.
+STEADY_FROM, STEADY_TO = 0.2, 0.8
+FEWEST_STEADY = 5  # grains in that part, below which a rate says nothing
+WIDEST_FALL_ANGLE = math.radians(60)  # of a grain's path to the vertical; else it came elsewhere
+
+
+@dataclass(frozen=True, slots=True)
+class DischargeSettings:
+    """A hopper of rectangular section, its outlet around x = y = 0 at z = 0."""
+
+    length: float  # [m] of the box along x
+    depth: float  # [m] of the box along y
+    opening: float  # [m] of the outlet along x
+    fall: float  # [m] from the outlet down to where grains are counted
+    duration: float  # [s] of the run
+    opening_depth: float | None = None  # [m] of the outlet along y; None: a slot, all the depth
+    floor_angle: float = 0.0  # [rad] of the floor along x to the horizontal; 0: flat bottom
+
+    @property
+    def outlet(self) -> tuple[float, float]:
+        """Extent of the outlet along x and y [m]."""
+        return self.opening, self.depth if self.opening_depth is None else self.opening_depth
+
+    @property
+    def shoulder(self) -> float:
+        """Height at which the vertical walls begin [m]."""
+        return (self.length - self.opening) / 2 * math.tan(self.floor_angle)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Discharge:
+    """What left the hopper, and when."""
+
+    times: Array  # (n_passed,) [s] sorted
+    grain_mass: float  # [kg]
+    left: int  # grains still in the hopper, or between outlet and counter
+    lost: int  # grains that got out, but not through the outlet
+
+    @property
+    def mass_flow_rate(self) -> float:
+        """Slope of mass over time [kg/s] while 20 to 80 % of what leaves is leaving.
+
+        A least-squares line through the steps of the discharged mass; nan for too few grains.
+        """
+        n = len(self.times)
+        number = np.arange(math.ceil(STEADY_FROM * n), math.floor(STEADY_TO * n))
+        if len(number) < FEWEST_STEADY:
+            return math.nan
+        return self.grain_mass * float(np.polyfit(self.times[number], number, 1)[0])
+
+    def mass(self, times: Array) -> Array:
+        """Mass that has passed until `times` (m,) [kg]."""
+        return self.grain_mass * np.searchsorted(self.times, times, side="right").astype(float)
+
+
+def check_discharge(settings: DischargeSettings) -> None:
+    """Refuse a hopper that cannot be built.
+
+    Raises:
+        ConfigError: the message names quantity, value, limit and remedy.
+    """
+    for name in ("length", "depth", "opening", "fall", "duration"):
+        if not getattr(settings, name) > 0:
+            raise ConfigError(f"{name} = {getattr(settings, name):g} must be positive; enlarge it")
+    box, outlet = (settings.length, settings.depth), settings.outlet
+    for name, inner, outer in zip(("opening", "opening_depth"), outlet, box, strict=True):
+        if not 0 < inner <= outer:
+            raise ConfigError(
+                f"{name} = {inner:g} m must be positive and at most the box's {outer:g} m; "
+                "narrow the outlet or widen the box"
+            )
+    if not 0 <= settings.floor_angle < math.pi / 2:
+        raise ConfigError(
+            f"floor_angle = {settings.floor_angle:g} rad must be at least 0 and below pi/2; "
+            "0 is a flat bottom"
+        )
+
+
+def filling_setup(settings: DischargeSettings, portion: Portion, seed: int) -> Setup:
+    """Rain the portion onto the closed gate; the loose grains start above the shoulder.
+
+    Raises:
+        ConfigError: if the hopper cannot be built.
+        SimulationError: if the grain is too long for it.
+    """
+    check_discharge(settings)
+    section = Section(settings.length, settings.depth, 0.0, 0.0)
+    loose = loose_in(portion, section, settings.shoulder, seed)
+    gate = plane("gate", *settings.outlet, 0.0, portion.wall_material)
+    return settling_setup(portion, loose, (hopper(settings, portion, top_of(portion, loose)), gate))
+
+
+def discharge_setup(settings: DischargeSettings, portion: Portion, packing: Packing) -> Setup:
+    """Run the settled portion out of the open hopper."""
+    return Setup(
+        grain=portion.grain,
+        packing=packing,
+        grain_material=portion.grain_material,
+        walls=(hopper(settings, portion, top_of(portion, packing)),),
+        physics=portion.physics,
+        duration=settings.duration,
+        exit_z=-settings.fall,
+    )
+
+
+def hopper(settings: DischargeSettings, portion: Portion, top: float) -> Wall:
+    """The hopper's walls up to the height `top` [m]."""
+    shoulder = settings.shoulder
+    box = settings.length, settings.depth
+    corners = np.array(
+        rectangle(*settings.outlet, 0.0)
+        + rectangle(*box, shoulder)
+        + rectangle(*box, max(top, shoulder + portion.grain_length))
+    )
+    rings = np.arange(12).reshape(3, 4)
+    triangles = np.array(strip(rings[0], rings[1]) + strip(rings[1], rings[2]))
+    a, b, c = np.moveaxis(corners[triangles], 1, 0)
+    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    # A flat bottom has no floor where the outlet takes the whole depth.
+    solid = triangles[areas > 1e-9 * settings.length * settings.depth]
+    return Wall("hopper", corners, solid, portion.wall_material)
+
+
+def discharge_result(
+    settings: DischargeSettings, portion: Portion, movement: Movement
+) -> Discharge:
+    """Tell from the movement what left the hopper, and when."""
+    passed = np.isfinite(movement.exit_times)
+    reach = settings.fall * math.tan(WIDEST_FALL_ANGLE) + portion.grain_length / 2
+    limit = np.array(settings.outlet) / 2 + reach
+    through = np.all(np.abs(movement.positions[:, :2]) <= limit, axis=1)
+    return Discharge(
+        times=frozen(np.sort(movement.exit_times[passed & through])),
+        grain_mass=portion.grain.mass,
+        left=int((~passed).sum()),
+        lost=int((passed & ~through).sum()),
+    )

@@ -1,0 +1,1 @@
+"""The dosing machine: a cup that moves over a hopper."""

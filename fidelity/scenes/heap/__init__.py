@@ -1,0 +1,1 @@
+"""A heap left by a lifted cylinder."""

@@ -1,0 +1,1 @@
+"""A slender silo, and how much of the weight its walls carry."""

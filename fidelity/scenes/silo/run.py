@@ -1,0 +1,103 @@
+"""The silo scene: a slender box filled with grains, and how much of their weight its sides carry.
+
+Filling and rest are one run of fixed length, so that the walls' friction is that of the filling:
+a run that started from a settled packing would have to build it up again. Forces are averaged
+over the last part of the run. The share grows with slenderness, friction of the wall and the
+ratio of horizontal to vertical stress: Janssen (1895), translated in arXiv:cond-mat/0511618.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fidelity.engine import Movement, Setup, Wall
+from fidelity.grains.filling import (
+    Portion,
+    filling_physics,
+    filling_time,
+    loose_in,
+    plane,
+    rectangle,
+    strip,
+    top_of,
+)
+from geometry.sections import Section
+from mfopt.arrays import Array, frozen
+from mfopt.errors import ConfigError
+
+AVERAGED = 0.1  # [s] at the end of the run
+SNAPSHOTS = 11  # in that time
+SIDES, FLOOR = 0, 1  # places in the list of walls
+
+
+@dataclass(frozen=True, slots=True)
+class SiloSettings:
+    """A box of square section on a floor at z = 0."""
+
+    width: float  # [m]
+    rest: float = 0.1  # [s] after the time in which the grains come to rest
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SiloLoad:
+    """Forces of the grains at rest on side walls and floor, over the weight of the grains."""
+
+    wall_share: float  # [-] carried by the side walls
+    floor_share: float  # [-] carried by the floor; both together are 1 at rest
+    shares: Array  # (s,) of the side walls, at the moments averaged over
+    fill_height: float  # [m] twice the mean height of the mass centres
+
+
+def silo_setup(settings: SiloSettings, portion: Portion, seed: int) -> Setup:
+    """Rain the portion into the silo and let it rest there.
+
+    Raises:
+        SimulationError: if the grain is too long for the silo.
+    """
+    width = settings.width
+    loose = loose_in(portion, Section(width, width, 0.0, 0.0), 0.0, seed)
+    top = top_of(portion, loose)
+    duration = filling_time(portion, top) + settings.rest
+    return Setup(
+        grain=portion.grain,
+        packing=loose,
+        grain_material=portion.grain_material,
+        walls=(
+            _sides(portion, width, top),
+            plane("floor", width, width, 0.0, portion.wall_material),
+        ),
+        physics=filling_physics(portion),
+        duration=duration,
+        exit_z=-portion.grain_length,
+        # The last a little before the end: an engine looks at the grains every now and then.
+        snapshot_times=frozen(
+            np.linspace(duration - 1.1 * AVERAGED, duration - 0.1 * AVERAGED, SNAPSHOTS)
+        ),
+    )
+
+
+def _sides(portion: Portion, width: float, top: float) -> Wall:
+    corners = np.array(rectangle(width, width, 0.0) + rectangle(width, width, top))
+    triangles = np.array(strip(np.arange(4), np.arange(4, 8)))
+    return Wall("sides", corners, triangles, portion.wall_material)
+
+
+def silo_load(portion: Portion, movement: Movement) -> SiloLoad:
+    """Tell from the movement what side walls and floor carry.
+
+    Raises:
+        ConfigError: if the engine keeps no forces on walls.
+    """
+    forces = movement.snapshots.get("snapshot_wall_forces")
+    if forces is None:
+        raise ConfigError(
+            "the engine keeps no forces on walls; choose one that gives snapshot_wall_forces"
+        )
+    weight = portion.mass * portion.physics.gravity
+    down = -forces[:, :, 2] / weight  # (s, w)
+    return SiloLoad(
+        wall_share=float(down[:, SIDES].mean()),
+        floor_share=float(down[:, FLOOR].mean()),
+        shares=frozen(down[:, SIDES]),
+        fill_height=2.0 * float(movement.positions[:, 2].mean()),
+    )

@@ -1,0 +1,132 @@
+"""Beginning a run in a directory, or going on with the one that it holds."""
+
+import json
+import os
+import shutil
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from mfopt.campaign.differences import Difference, differences, named
+from mfopt.campaign.store import RunDirectory, create, open_run
+from mfopt.errors import ConfigError
+from mfopt.files.whole import disk_errors_named
+from mfopt.records.evaluation import Reference
+
+LEAST_DISK = 100e6  # [bytes] a run of 1000 evaluations of 1000 grains takes about half
+
+# Entries of the header that say what a run is. Others say when, where and by how many it is made.
+MEANING = (
+    "mfopt_version", "versions", "settings", "variables", "baseline", "objective",
+    "objective_settings", "objective_unit", "seed", "method", "levels",
+)  # fmt: skip
+REMEDY = "resume with what it was begun with, or give another directory"
+
+
+def begin(path: Path, study: str, header: Mapping[str, Any], *, resume: bool) -> RunDirectory:
+    """Create the run directory, or make sure that it holds this very run.
+
+    A run that is there may have a smaller budget, fewer generations or fewer seeds of the
+    confirmation. Then it is extended, and goes on from what was made for the smaller one.
+    To be called within `mfopt.campaign.store.writing`, so that of two starts only one goes on.
+
+    Args:
+        path: the run directory.
+        study: text of the study file.
+        header: what `mfopt.campaign.header.header` says of the run now.
+        resume: go on with a run that is there.
+
+    Raises:
+        ConfigError: if there is a run and `resume` is off, if it is another one than `header` says,
+            or if it cannot be written.
+    """
+    if not (resume and os.path.lexists(path / "run.json")):
+        return create(path, study, header)
+    run, now = open_run(path), json.loads(json.dumps(header))
+    found = list(differences(_meaning(run.header), _meaning(now)))
+    if others := [difference for difference in found if not _grown(difference)]:
+        raise ConfigError(f"{path} holds another run than the one given: {named(others)}; {REMEDY}")
+    if found:
+        settings = now["settings"]
+        spent = budgets(run.header) + budgets(now)
+        run.extend({"settings": settings, "budgets": list(dict.fromkeys(spent))}, study)
+    elif not _holds_its_study(run):
+        run.extend({}, study)
+    return run
+
+
+def budgets(header: Mapping[str, Any]) -> list[float]:
+    """Budgets that the search of a run was given, one after the other; none if it needs none.
+
+    The search decides with the first until that is spent, then with the next. So an extended run
+    begins with all that was made for the smaller budget.
+    """
+    budget = header.get("settings", {}).get("search", {}).get("budget")
+    return list(header.get("budgets") or filter(None, [budget]))
+
+
+def _meaning(header: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: header.get(key) for key in MEANING}
+
+
+def _grown(difference: Difference) -> bool:
+    """Whether a run can go on with this difference, because it only asks for more."""
+    match difference.place:
+        case (
+            ("settings", "search", "budget")
+            | ("settings", "search", "generations")
+            | ("settings", "search", "generations", _)
+            | ("settings", "search", "stage", _, "generations")
+            | ("settings", "confirm", "seeds")
+        ):
+            old, new = difference.old, difference.new
+            return isinstance(old, int | float) and isinstance(new, int | float) and new > old
+    return False
+
+
+def _holds_its_study(run: RunDirectory) -> bool:
+    try:
+        run.study()
+    except ConfigError:
+        return False
+    return True
+
+
+def begin_reference(run: RunDirectory, now: Reference | None) -> None:
+    """Note on which engine the reference runs are made, or why they are left out.
+
+    An engine that was missing when the run began may be there when it goes on.
+
+    Raises:
+        ConfigError: if a reference run has been made already, with another version.
+    """
+    if now is None or now == run.reference:
+        return
+    made = any(purpose.startswith("reference") for purpose in run.purposes)
+    if made and now.why_not is None:
+        before = asdict(run.reference) if run.reference else None
+        changed = list(differences(before, asdict(now), ("reference",)))
+        raise ConfigError(
+            f"{run.path} has a reference run by another version: {named(changed)}; {REMEDY}"
+        )
+    if not made:
+        run.add_reference(now)
+
+
+def check_disk(path: Path) -> None:
+    """Make sure that a new run has room.
+
+    Raises:
+        ConfigError: if the disk is nearly full.
+    """
+    if os.path.lexists(path / "run.json"):
+        return
+    parent = next(p for p in (path, *path.absolute().parents) if p.exists())
+    with disk_errors_named(parent, "read"):
+        free = shutil.disk_usage(parent).free
+    if free < LEAST_DISK:
+        raise ConfigError(
+            f"{free / 1e6:.0f} MB of disk are free for {path}, below the {LEAST_DISK / 1e6:.0f} MB "
+            "that a run needs; free some, or give another --directory"
+        )

@@ -1,0 +1,1 @@
+"""What travels through a study: problem, candidate, outcome, evaluation, level, objective."""

@@ -1,0 +1,1 @@
+"""Ask and tell: the assisted search and its parts, planned CMA-ES."""

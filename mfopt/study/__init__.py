@@ -1,0 +1,1 @@
+"""A study file or a call of `minimize`, made ready to run."""

@@ -1,0 +1,340 @@
+"""From a study's tables to a problem and a ladder: the one place that knows every engine."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, Literal, cast, get_args
+
+from pydantic import Field
+
+from fidelity.engine import Engine
+from fidelity.engines.bullet.engine import BulletEngine
+from fidelity.engines.numba import NumbaEngine
+from fidelity.engines.yade.engine import YadeEngine
+from fidelity.programs.command import CommandLevel
+from fidelity.scenes.dosing.design import dosing_problem, starting_designs
+from fidelity.scenes.dosing.level import DosingLevel
+from fidelity.scenes.dosing.reduced import ReducedDosing
+from fidelity.scenes.dosing.settings import DemSettings, DosingSettings
+from mfopt.arrays import frozen
+from mfopt.campaign.phases import Starts
+from mfopt.errors import ConfigError
+from mfopt.limits import Grains, Name, TimeLimit, Word, Work
+from mfopt.records.evaluation import Reference
+from mfopt.records.level import Ladder, Level
+from mfopt.records.problem import Problem, Variable
+from mfopt.search.search import rungs
+from mfopt.search.swap import check_pair
+from mfopt.settings import Settings, checked
+from mfopt.study.file import ProblemSettings, Study
+
+START_SHARE = 0.25  # of the budget that simple motions may cost, where one seed each allows it
+START_SEEDS = 3  # on which simple motions are compared, if the search has so many
+SNAPSHOTS = 4  # moments of the best run that the report shows
+
+Precision = Literal["double", "longdouble", "float128"]
+DemName = Literal["numba", "yade", "bullet"]
+DEM_NAMES = get_args(DemName)
+
+
+class DemLevelSettings(DemSettings):
+    """A level on a discrete-element engine; of several engines the first installed one runs."""
+
+    name: Name
+    engine: DemName | list[DemName]
+    precision: Precision = "double"  # of YADE
+
+
+class ReducedLevelSettings(Settings):
+    """The analytic level: milliseconds a run."""
+
+    name: Name
+    engine: Literal["reduced"]
+    grains: Annotated[Grains, Field(ge=50)] = 1000
+
+
+class CommandLevelSettings(Settings):
+    """A program of the user's own: JSON on its standard input, JSON on its standard output."""
+
+    name: Name
+    engine: Literal["command"]
+    command: list[Word] = Field(min_length=1)
+    work: Work = 1.0  # of one run, relative to the other levels
+    time_limit_s: TimeLimit = 3600.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Assembled:
+    """A study, ready to run."""
+
+    problem: Problem
+    ladder: Ladder
+    confirm_on: Ladder  # the same levels, with snapshots of the grains
+    dosing: DosingSettings | None  # None for a problem of the user's own
+    described: tuple[Mapping[str, Any], ...]  # per level: engine, grains, spheres_per_grain
+    versions: Mapping[str, str]  # of the engines
+    starts: Starts | None  # designs that the search may start from; None: the baseline alone
+    reference: Reference | None  # what the study asks for beside the ladder, and what came of it
+    reference_level: Level | None  # where best and baseline are run once more, if anywhere
+
+    @property
+    def all_levels(self) -> Ladder:
+        """The ladder, with the reference above it."""
+        return Ladder((*self.ladder, *filter(None, [self.reference_level])))
+
+    @property
+    def uses_numba(self) -> bool:
+        """Whether a run may call the compiled engine, be it only to fill the cup."""
+        return any(isinstance(level, DosingLevel) for level in self.ladder)
+
+
+def assemble(study: Study, *, where: str) -> Assembled:
+    """Build the problem and the levels that a study names.
+
+    Args:
+        study: the study.
+        where: its file, for messages.
+
+    Raises:
+        ConfigError: if a table is wrong, or an engine is not installed.
+    """
+    dosing = _dosing(study.problem, where)
+    problem = dosing_problem(dosing) if dosing else _own_problem(study.problem, where)
+    _check_exchange(study, problem, where)
+    made = [
+        _level(table, dosing, problem, f"{where}: level {number}")
+        for number, table in enumerate(study.level, start=1)
+    ]
+    levels = tuple(level for level, _ in made)
+    detailed = tuple(
+        replace(level, snapshots=SNAPSHOTS) if isinstance(level, DosingLevel) else level
+        for level in levels
+    )
+    versions = {
+        engine.name: engine.version()
+        for level in levels
+        if isinstance(level, DosingLevel)
+        for engine in (level.engine, level.filler)
+    }
+    described = tuple(description for _, description in made)
+    ladder = Ladder(levels)
+    if study.search.method == "assisted":
+        _check_order(ladder, problem, where)
+    reference, reference_level = _reference(study, ladder, f"{where}: confirm.reference")
+    return Assembled(
+        problem, ladder, Ladder(detailed), dosing, described, versions,
+        None if dosing is None else _starts(study, problem, ladder), reference, reference_level,
+    )  # fmt: skip
+
+
+def _starts(study: Study, problem: Problem, ladder: Ladder) -> Starts | None:
+    """The simple motions of a dosing study, compared at its first level with grains."""
+    designs = starting_designs(problem)
+    if len(designs) == 1:
+        return None
+    level = next((level for level in ladder if isinstance(level, DosingLevel)), ladder.levels[0])
+    seeds = min(study.search.seeds, START_SEEDS)
+    if (budget := study.search.budget) is not None:
+        work = len(designs) * level.work(problem.baseline)
+        most = START_SHARE * budget * ladder.top.work(problem.baseline) / work
+        seeds = max(1, min(seeds, int(most)))
+    return Starts(designs, level.name, seeds)
+
+
+def _check_order(ladder: Ladder, problem: Problem, where: str) -> None:
+    try:
+        rungs(ladder, problem.baseline)
+    except ConfigError as error:
+        raise ConfigError(f"{where}: {error}") from error
+
+
+def _check_exchange(study: Study, problem: Problem, where: str) -> None:
+    try:
+        check_pair(problem, study.search.exchange)
+    except ConfigError as error:
+        raise ConfigError(f"{where}: search: {error}") from error
+
+
+def _dosing(settings: ProblemSettings, where: str) -> DosingSettings | None:
+    if settings.scene is None:
+        if settings.dosing:
+            raise ConfigError(f'{where}: [problem.dosing] needs scene = "dosing" in [problem]')
+        return None
+    if settings.variable:
+        raise ConfigError(
+            f"{where}: a scene brings its own variables; free them in [problem.dosing.free] "
+            "instead of [[problem.variable]]"
+        )
+    return checked(DosingSettings, settings.dosing, where=f"{where}: problem.dosing")
+
+
+def _own_problem(settings: ProblemSettings, where: str) -> Problem:
+    if not settings.variable:
+        raise ConfigError(
+            f'{where}: the problem has no variables; give scene = "dosing" or [[problem.variable]]'
+        )
+    variables = tuple(Variable(v.name, v.lower, v.upper, v.unit) for v in settings.variable)
+    start = [(v.lower + v.upper) / 2.0 if v.start is None else v.start for v in settings.variable]
+    return Problem(variables, frozen(start), objective_unit=settings.objective_unit)
+
+
+def _level(
+    table: Mapping[str, Any], dosing: DosingSettings | None, problem: Problem, where: str
+) -> tuple[Level, Mapping[str, Any]]:
+    settings = level_settings(table, where)
+    match settings:
+        case CommandLevelSettings():
+            level = CommandLevel(
+                settings.name,
+                tuple(settings.command),
+                problem.names,
+                settings.work,
+                settings.time_limit_s,
+            )
+            level.check()
+            return level, {"engine": "command"}
+        case ReducedLevelSettings():
+            scene = _needs_dosing(dosing, settings.engine, where)
+            return (
+                ReducedDosing(settings.name, scene, settings.grains),
+                {"engine": "reduced", "grains": settings.grains},
+            )
+        case DemLevelSettings():
+            scene = _needs_dosing(dosing, str(settings.engine), where)
+            return _dosing_level(settings, scene, where)
+
+
+def level_settings(
+    table: Mapping[str, Any], where: str
+) -> CommandLevelSettings | ReducedLevelSettings | DemLevelSettings:
+    """What a table of a study says of a level, with what it leaves out filled in.
+
+    Raises:
+        ConfigError: if the engine is none, or a key is wrong.
+    """
+    match engine := table.get("engine"):
+        case "command":
+            return checked(CommandLevelSettings, table, where=where)
+        case "reduced":
+            return checked(ReducedLevelSettings, table, where=where)
+        case "numba" | "yade" | "bullet" | list():
+            return checked(DemLevelSettings, table, where=where)
+        case _:
+            raise ConfigError(
+                f"{where}: engine = {engine!r} must be one of 'reduced', {_listed(DEM_NAMES)}, "
+                f"'command', or a list of {_listed(DEM_NAMES)} in order of preference"
+            )
+
+
+def drawn(study: Study, *, where: str) -> tuple[DosingSettings, DemSettings | None] | None:
+    """The machine of a study and the grains of its target level, as far as a picture needs them.
+
+    No engine is asked for, so that a run can be looked at where its engine is not installed.
+
+    Returns:
+        None for a problem of the user's own; no grains for a target level without any.
+
+    Raises:
+        ConfigError: if a table is wrong.
+    """
+    dosing = _dosing(study.problem, where)
+    if dosing is None:
+        return None
+    target = level_settings(study.level[-1], f"{where}: level {len(study.level)}")
+    return dosing, target if isinstance(target, DemLevelSettings) else None
+
+
+def _dosing_level(
+    settings: DemLevelSettings, dosing: DosingSettings, where: str
+) -> tuple[DosingLevel, Mapping[str, Any]]:
+    names = settings.engine if isinstance(settings.engine, list) else [settings.engine]
+    try:
+        engine = _first_installed([_engine(name, settings.precision) for name in names])
+    except ConfigError as error:
+        raise ConfigError(f"{where}: {error}") from error
+    numerics = {name: getattr(settings, name) for name in DemSettings.model_fields}
+    level = DosingLevel(settings.name, dosing, DemSettings(**numerics), engine)
+    return level, {
+        "engine": engine.name,
+        "grains": settings.grains,
+        "spheres_per_grain": settings.spheres_per_grain,
+    }
+
+
+def _first_installed(engines: Sequence[Engine]) -> Engine:
+    problems = []
+    for engine in engines:
+        try:
+            engine.version()
+        except ConfigError as error:
+            problems.append(str(error))
+        else:
+            return engine
+    raise ConfigError("; ".join(problems) or "no engine is named")
+
+
+def _reference(study: Study, ladder: Ladder, where: str) -> tuple[Reference | None, Level | None]:
+    """The top level on the engine that the study names for reference, with what to say of it."""
+    names = study.confirm.references
+    if not names:
+        return None, None
+    top = _on_grains(ladder.top, names, where)
+    precision = study.level[-1].get("precision", "double")
+    engines = [e for n in names if (e := _dem_engine(n, precision, where)).name != top.engine.name]
+    if not engines:
+        return Reference(why_not=f"the target level runs on {top.engine.name} itself"), None
+    try:
+        engine = _first_installed(engines)
+    except ConfigError as error:
+        return Reference(why_not=f"{error}; once it is there, --resume adds the run"), None
+    level = replace(top, name=f"{top.name}-{engine.name}", engine=engine)
+    if level.name in ladder.names:
+        raise ConfigError(f"{where}: its runs are called {level.name!r}; rename that level")
+    return Reference(level.name, engine.name, engine.version()), level
+
+
+def _on_grains(top: Level, names: Sequence[str], where: str) -> DosingLevel:
+    if not isinstance(top, DosingLevel):
+        raise ConfigError(
+            f"{where} = {', '.join(names)}: the target level {top.name!r} has no grains that such "
+            'an engine could move; give scene = "dosing" in [problem] and a target level on '
+            f"{_listed(DEM_NAMES)}, or leave the reference out"
+        )
+    return top
+
+
+def _dem_engine(name: str, precision: Precision, where: str) -> Engine:
+    if name not in DEM_NAMES:
+        raise ConfigError(f"{where} = {name!r} must be one of {_listed(DEM_NAMES)}")
+    return _engine(cast(DemName, name), precision)
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(map(repr, names))
+
+
+def _engine(name: DemName, precision: Precision) -> Engine:
+    match name:
+        case "numba":
+            return NumbaEngine()
+        case "yade":
+            return YadeEngine(precision)
+        case "bullet":
+            return BulletEngine()
+
+
+def _needs_dosing(dosing: DosingSettings | None, engine: str, where: str) -> DosingSettings:
+    if dosing is None:
+        raise ConfigError(f'{where}: engine {engine!r} needs scene = "dosing" in [problem]')
+    return dosing
+
+
+def traced(level: Level, directory: Path) -> Level:
+    """The same level, writing VTK files of its runs into `directory`; no result changes.
+
+    Raises:
+        ConfigError: if the level's engine cannot.
+    """
+    if not (isinstance(level, DosingLevel) and isinstance(level.engine, YadeEngine)):
+        raise ConfigError(f"level {level.name!r} writes no trace; choose one on the engine yade")
+    return replace(level, engine=replace(level.engine, trace=directory))
