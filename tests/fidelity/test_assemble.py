@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-import mfopt.study.file.assemble as assembly
+import mfopt.study.assemble as assembly
 import numpy as np
 import pytest
 

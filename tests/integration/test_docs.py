@@ -7,7 +7,7 @@ from pydantic import BaseModel
 
 from fidelity.scenes.dosing.settings import CupSettings, DosingSettings, MaterialSettings
 from mfopt.study.assemble import CommandLevelSettings, DemLevelSettings, ReducedLevelSettings
-from mfopt.study.file import file as study
+from mfopt.study import file as study
 
 PAGE = (Path(__file__).parent.parent.parent / "docs" / "study-file.md").read_text()
 MODELS = [
