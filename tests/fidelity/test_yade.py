@@ -293,7 +293,7 @@ def yade_of(keeper_parent: int) -> int | None:
     for keeper in children(keeper_parent):
         for child in children(keeper):
             words = Path(f"/proc/{child}/cmdline").read_bytes().split(b"\0")
-            if any(word.endswith(b"yade_script.py") for word in words):
+            if any(word.endswith(b"yade/script.py") for word in words):
                 return child
     return None
 
