@@ -3,10 +3,10 @@
 from pathlib import Path
 from typing import Any
 
-import mfopt.study.assemble as assembly
 import numpy as np
 import pytest
 
+import mfopt.study.assemble as assembly
 from fidelity.engines.numba import NumbaEngine
 from fidelity.engines.yade.engine import YadeEngine
 from fidelity.scenes.dosing.level import DosingLevel

@@ -6,8 +6,8 @@ import pytest
 from pydantic import BaseModel
 
 from fidelity.scenes.dosing.settings import CupSettings, DosingSettings, MaterialSettings
-from mfopt.study.assemble import CommandLevelSettings, DemLevelSettings, ReducedLevelSettings
 from mfopt.study import file as study
+from mfopt.study.assemble import CommandLevelSettings, DemLevelSettings, ReducedLevelSettings
 
 PAGE = (Path(__file__).parent.parent.parent / "docs" / "study-file.md").read_text()
 MODELS = [
