@@ -57,6 +57,7 @@ WITH_START = 3.0  # least budget [target runs] of which one is kept to run the s
 REPEAT_LEFT = (
     5.0  # least budget [target runs] of which one tells whether runs at the target scatter
 )
+MOST_OWED = 2  # runs that the end needs at the target
 CONVERGED = 1e-6  # widest deviation at the target level that leads to a restart, unit cube
 
 
@@ -232,8 +233,8 @@ class AssistedCmaEs:
     @property
     def _affordable(self) -> bool:
         """Whether the budget allows a run at the working level, and those owed at the end."""
-        after = self._plan.left_after(self._level)
-        return after >= self._rungs[-1].cost * self._owed
+        after, cost = self._plan.left_after(self._level), self._rungs[-1].cost
+        return after >= cost * MOST_OWED or after >= cost * self._owed
 
     @property
     def _owed(self) -> int:
@@ -250,8 +251,8 @@ class AssistedCmaEs:
 
     def _asked(self, z: Array, level: int) -> bool:
         """Whether the design `z` (d,) was asked for at a level."""
-        asked = (*self._archive.designs_at(level), *self._plan.out_at(level))
-        return any((z == other).all() for other in asked)
+        run = bool((self._archive.designs_at(level) == z).all(axis=1).any())
+        return run or any(np.array_equal(z, other) for other in self._plan.out_at(level))
 
     def _keep_busy(self) -> None:
         """Plan a run that the search does not wait for, rather than leave a worker idle."""
