@@ -10,6 +10,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 
+from fidelity.samples import Samples, check_samples
 from fidelity.sound import require_numbers
 from mfopt.arrays import Array, IntArray
 from mfopt.errors import ConfigError
@@ -180,6 +181,7 @@ class Setup:
     # Walls that move against each other may catch grains and press them through a wall; the scene
     # tells what became of them. False: a grain that goes through a wall breaks the run.
     may_pinch: bool = False
+    samples: Samples | None = None  # what to reduce during the run, and when
 
     def __post_init__(self) -> None:
         n = len(self.packing.positions)
@@ -190,6 +192,8 @@ class Setup:
         if len(np.unique(self.packing.positions, axis=0)) < n:
             raise ConfigError("two grains are at the same position; move them apart")
         require_numbers("duration of a run [s]", np.asarray(self.duration), (), above=0.0)
+        if self.samples is not None:
+            check_samples(self.samples, duration=self.duration, exit_z=self.exit_z)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -216,6 +220,8 @@ class Movement:
     # them "snapshot_wall_forces" (s, w, 3) [N], what the grains exert on each wall
     energy: Mapping[str, float] = field(default_factory=dict)
     # [J] where the engine keeps a balance, see there
+    series: Mapping[str, Array] = field(default_factory=dict)
+    # reduced during the run, where `Setup.samples` asks for it: see `fidelity.samples.series`
 
 
 def checked(movement: Movement) -> Movement:

@@ -2,6 +2,7 @@
 
 import math
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,7 +13,8 @@ from fidelity.dem import state as at
 from fidelity.dem.advance import advance
 from fidelity.dem.grouping import regroup
 from fidelity.dem.tables import DONE, Tables, prepare, with_more_room
-from fidelity.engine import MAX_OVERLAP, SETTLED_ENERGY, SETTLED_S, Movement, Setup
+from fidelity.engine import MAX_OVERLAP, SETTLED_ENERGY, SETTLED_S, Movement, Setup, sizes
+from fidelity.samples import Sampling, begin, look, series
 from mfopt.arrays import Array
 
 LOOK_S = 1e-3  # [s] simulated between two looks at the grains
@@ -34,6 +36,7 @@ class Watch:
     why: str | None = None  # the run is broken, and why
     due: list[float] = field(default_factory=list)  # snapshots to come
     snapshots: dict[str, list[Any]] = field(default_factory=dict)
+    sampling: Sampling | None = None
 
 
 def run(setup: Setup, dt: float, time_limit_s: float) -> Movement:
@@ -44,16 +47,21 @@ def run(setup: Setup, dt: float, time_limit_s: float) -> Movement:
     began, cpu = began + compiling[0], cpu + compiling[1]
     state = tables.state
     watch = Watch(due=sorted(setup.snapshot_times.tolist()))
+    if setup.samples is not None:
+        watch.sampling = begin(
+            setup.samples, setup.packing.positions, lambda: spheres_there(tables)
+        )
     last = math.ceil(setup.duration / dt)
     spheres_moved, timed_out = 0.0, False
-    looks, look = 0, 1  # the first look only measures the energy at the start
+    looks, per_look = 0, 1  # the first look only measures the energy at the start
     while state.counts[at.STEP] < last and state.counts[at.GRAINS] and watch.why is None:
-        steps = min(look, last - int(state.counts[at.STEP]))
+        steps = min(per_look, last - int(state.counts[at.STEP]))
         before = int(state.counts[at.STEP])
         tables = take_steps(tables, steps)
         spheres_moved += float((state.counts[at.STEP] - before) * _spheres(tables))
-        look = max(1, int(LOOK_S / dt))
+        per_look = max(1, int(LOOK_S / dt))
         examine(setup, tables, watch)
+        sample(tables, watch)  # while grains that left are still in the tables
         looks += 1
         if looks % LOOKS_PER_GROUPING == 1:
             regroup(tables)
@@ -166,6 +174,24 @@ def take_snapshots(tables: Tables, watch: Watch, now: float) -> None:
             watch.snapshots.setdefault(name, []).append(value)
 
 
+def sample(tables: Tables, watch: Watch) -> None:
+    """Reduce what `Setup.samples` asks for."""
+    if watch.sampling is None or watch.why is not None:
+        return
+    bodies, n = tables.state.bodies, int(tables.state.counts[at.GRAINS])
+    places = watch.sampling.places.copy()
+    places[bodies.number[:n]] = bodies.kinematics[:n, :3]
+    now = float(tables.state.counts[at.STEP] * tables.dt)
+    look(watch.sampling, now, places, lambda: spheres_there(tables))
+
+
+def spheres_there(tables: Tables) -> Array:
+    """Centres and radii (m, 4) [m] of the spheres of the grains that have not left."""
+    state, n, k = tables.state, int(tables.state.counts[at.GRAINS]), len(tables.shape)
+    here = np.repeat(~state.bodies.left[:n], k)
+    return np.asarray(state.spheres.place[: n * k][here])
+
+
 def _by_number(tables: Tables) -> tuple[Array, Array, Array, Array]:
     """Positions, orientations, velocities and spins of all grains, nan for those that left."""
     bodies, n = tables.state.bodies, int(tables.state.counts[at.GRAINS])
@@ -207,4 +233,12 @@ def _movement(
         cpu_s=cpu_s,
         snapshots={name: np.array(values) for name, values in watch.snapshots.items()},
         energy=energy.named(state.budget, watch.start_energy),
+        series=_series(setup, tables, watch),
     )
+
+
+def _series(setup: Setup, tables: Tables, watch: Watch) -> Mapping[str, Array]:
+    if watch.sampling is None:
+        return {}
+    masses = setup.grain.mass * sizes(setup.packing) ** 3
+    return series(watch.sampling, masses, lambda: spheres_there(tables), finished=watch.why is None)

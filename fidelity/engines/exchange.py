@@ -7,13 +7,14 @@ them, so that a script in a foreign Python needs nothing of this project.
 setup.npz: `grain_offsets`, `grain_radii`, `grain_inertia`, `positions`, `orientations`,
 `snapshot_times`; where given `scales`, `velocities`, `angular_velocities`; for wall number i
 `wall_vertices_<i>`, `wall_triangles_<i>`, if it moves `wall_times_<i>` and
-`wall_displacements_<i>`, and if it turns `wall_angles_<i>`.
+`wall_displacements_<i>`, and if it turns `wall_angles_<i>`; where samples are asked for
+`sample_times`, and with columns `column_edges` and `column_floors`.
 setup.json: `grain_mass`; `grain_material` and `physics` as mappings; `walls`, a list of
 `{"name", "material", "motion"}`, the material a mapping, the motion null or the mapping
-`{"axis", "pivot"}`; `duration`, `exit_z`, `settle`, `idle_after`, `idle_above_z`, `may_pinch`; and
-`engine`, what the engine adds for its script.
+`{"axis", "pivot"}`; `duration`, `exit_z`, `settle`, `idle_after`, `idle_above_z`, `may_pinch`;
+`sample_planes`, a list of `{"z", "opening"}`; and `engine`, what the engine adds for its script.
 result.npz: `exit_times`, `positions`, `orientations`, `velocities`, `angular_velocities`, and
-where snapshots were asked for the arrays of `Movement.snapshots`.
+where snapshots or samples were asked for the arrays of `Movement.snapshots` and `.series`.
 result.json: `status`, `why`, `end_time`, `steps`, `sphere_steps`, `timestep`, `max_overlap`,
 `max_kinetic_energy`, and `energy` where the engine keeps a balance.
 """
@@ -38,6 +39,7 @@ from fidelity.engine import (
     Wall,
     WallMotion,
 )
+from fidelity.samples import Columns, Plane, Samples
 from mfopt.arrays import AnyArray
 from mfopt.records.outcome import Status
 
@@ -48,6 +50,7 @@ SNAPSHOT_KEYS = (
     "snapshot_speeds",
     "snapshot_wall_forces",
 )
+SERIES_KEYS = ("sample_times", "passed", "passage_times", "levels")
 
 
 def write_setup(setup: Setup, directory: Path, engine: Mapping[str, Any] | None = None) -> None:
@@ -65,6 +68,7 @@ def write_setup(setup: Setup, directory: Path, engine: Mapping[str, Any] | None 
     }
     for i, wall in enumerate(setup.walls):
         arrays |= _wall_arrays(i, wall)
+    arrays |= _sample_arrays(setup.samples)
     scalars = {
         "grain_mass": setup.grain.mass,
         "grain_material": asdict(setup.grain_material),
@@ -76,6 +80,7 @@ def write_setup(setup: Setup, directory: Path, engine: Mapping[str, Any] | None 
         "idle_after": setup.idle_after,
         "idle_above_z": setup.idle_above_z,
         "may_pinch": setup.may_pinch,
+        "sample_planes": [asdict(p) for p in setup.samples.planes] if setup.samples else [],
         "engine": dict(engine or {}),
     }
     given = {name: values for name, values in arrays.items() if values is not None}
@@ -93,6 +98,17 @@ def _wall_arrays(i: int, wall: Wall) -> dict[str, AnyArray | None]:
         arrays[f"wall_displacements_{i}"] = wall.motion.displacements
         arrays[f"wall_angles_{i}"] = wall.motion.angles
     return arrays
+
+
+def _sample_arrays(samples: Samples | None) -> dict[str, AnyArray | None]:
+    if samples is None:
+        return {}
+    columns = samples.columns
+    return {
+        "sample_times": samples.times,
+        "column_edges": None if columns is None else columns.edges,
+        "column_floors": None if columns is None else columns.floors,
+    }
 
 
 def _wall_scalars(wall: Wall) -> dict[str, Any]:
@@ -129,6 +145,7 @@ def read_setup(directory: Path) -> tuple[Setup, dict[str, Any]]:
         idle_above_z=scalars["idle_above_z"],
         snapshot_times=arrays["snapshot_times"],
         may_pinch=scalars["may_pinch"],
+        samples=read_samples({**scalars, **arrays}),
     )
     return setup, scalars["engine"]
 
@@ -159,6 +176,19 @@ def read_motion(
     )
 
 
+def read_samples(given: Mapping[str, Any]) -> Samples | None:
+    """The samples asked for, from the values of setup.json and the arrays of setup.npz."""
+    if "sample_times" not in given:
+        return None
+    planes = [
+        Plane(plane["z"], plane["opening"] and tuple(plane["opening"]))
+        for plane in given["sample_planes"]
+    ]
+    with_columns = "column_edges" in given
+    columns = Columns(given["column_edges"], given["column_floors"]) if with_columns else None
+    return Samples(given["sample_times"], tuple(planes), columns)
+
+
 def _read_physics(given: Mapping[str, Any]) -> Physics:
     forces = [{name: tuple(v) for name, v in force.items()} for force in given["body_forces"]]
     return Physics(**{**given, "body_forces": tuple(BodyForce(**force) for force in forces)})
@@ -173,6 +203,7 @@ def write_movement(movement: Movement, directory: Path) -> None:
         "velocities": movement.velocities,
         "angular_velocities": movement.angular_velocities,
         **movement.snapshots,
+        **movement.series,
     }
     scalars = {
         "status": movement.status,
@@ -208,6 +239,7 @@ def read_movement(directory: Path, *, cpu_s: float) -> Movement | None:
             velocities=arrays["velocities"],
             angular_velocities=arrays["angular_velocities"],
             snapshots={key: arrays[key] for key in SNAPSHOT_KEYS if key in arrays},
+            series={key: arrays[key] for key in SERIES_KEYS if key in arrays},
             cpu_s=cpu_s,
             **scalars,
         )

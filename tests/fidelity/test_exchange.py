@@ -17,12 +17,18 @@ from fidelity.engines.exchange import (
     write_setup,
 )
 from fidelity.grains.grain import line_grain
+from fidelity.samples import Plane, Samples, even_columns
 
 RNG = np.random.default_rng(3)
 
 
 STEEL = Material(1e8, 0.2, 0.3, 7800.0)
 RUBBER = Material(1e6, 0.45, 0.9, 1100.0)
+SAMPLES = Samples(
+    np.array([0.0, 0.3]),
+    (Plane(-0.1), Plane(0.0, (-0.1, 0.2, -0.3, 0.4))),
+    even_columns(-0.1, 0.1, 0.03, floor=0.004),
+)
 
 
 def a_setup(*, full: bool) -> Setup:
@@ -56,6 +62,7 @@ def a_setup(*, full: bool) -> Setup:
         settle=not full,
         idle_above_z=0.01,
         snapshot_times=np.array([0.1, 0.2]),
+        samples=SAMPLES if full else None,
     )
 
 
@@ -107,15 +114,23 @@ def test_a_movement_comes_back_exactly(tmp_path: Path) -> None:
         },
         angular_velocities=RNG.normal(size=(6, 3)),
         energy={"lost": 0.5},
+        series={
+            "sample_times": np.array([0.0, 0.3]),
+            "passed": RNG.random((2, 2)),
+            "passage_times": np.array([[np.nan, 0.1], [0.2, 0.3]]),
+            "levels": RNG.random((2, 7)),
+        },
         steps=12,
     )
     write_movement(movement, tmp_path)
     back = read_movement(tmp_path, cpu_s=1.5)
     assert back is not None
     assert back.energy == {"lost": 0.5}
-    bare, back_bare = (replace(m, snapshots={}, energy={}) for m in (movement, back))
+    bare, back_bare = (replace(m, snapshots={}, series={}, energy={}) for m in (movement, back))
     assert_same(bare, back_bare)
-    assert_same(tuple(movement.snapshots.values()), tuple(back.snapshots.values()))
+    for one, two in ((movement.snapshots, back.snapshots), (movement.series, back.series)):
+        assert list(one) == list(two)
+        assert_same(tuple(one.values()), tuple(two.values()))
 
 
 def test_a_missing_or_torn_result_is_none(tmp_path: Path) -> None:

@@ -6,12 +6,15 @@ the movement there.
 
 import math
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from fidelity.dem.state import rotation_matrices
 from fidelity.engine import Movement, Setup, sizes
 from fidelity.engines.bullet.world import (
     World,
@@ -26,6 +29,7 @@ from fidelity.engines.bullet.world import (
 )
 from fidelity.engines.exchange import SNAPSHOT_KEYS, read_setup, write_movement
 from fidelity.engines.wall_motion import top_speed
+from fidelity.samples import Sampling, begin, look, series
 from mfopt.arrays import Array
 
 CHECK_EVERY = 20  # [steps] energy, overlap, rest: reading all contacts costs as much as a step
@@ -62,6 +66,7 @@ class _Run:
     max_kinetic_energy: float = 0.0
     restless_at: float = 0.0  # [s] when the grains were last seen not to be at rest
     snapshots: list[tuple[float, Array, Array, Array]] = field(default_factory=list)
+    sampling: Sampling | None = None
 
 
 def move(setup: Setup, *, timestep: float, iterations: int) -> Movement:
@@ -83,6 +88,9 @@ def move(setup: Setup, *, timestep: float, iterations: int) -> Movement:
         if step % CHECK_EVERY == 0:
             why = _trouble(p, setup, run, step * dt, dt)
         _take_snapshots(p, setup, run, step * dt)
+        if run.sampling is not None and why is None:
+            _keep_state(p, run)
+            look(run.sampling, step * dt, run.positions.copy(), lambda: spheres_there(setup, run))
         if why is not None or _ends_early(setup, run, step * dt):
             break
     why = why or _trouble(p, setup, run, step * dt, dt)
@@ -113,7 +121,7 @@ def given_speed(setup: Setup) -> float:
 
 def _start(setup: Setup, world: World) -> _Run:
     n = setup.packing.positions.shape[0]
-    return _Run(
+    run = _Run(
         live=list(range(n)),
         bodies=list(world.grains),
         heights=setup.packing.positions[:, 2].copy(),
@@ -123,6 +131,22 @@ def _start(setup: Setup, world: World) -> _Run:
         velocities=np.zeros((n, 3)),
         angular_velocities=np.zeros((n, 3)),
     )
+    if setup.samples is not None:
+        run.sampling = begin(setup.samples, run.positions, lambda: spheres_there(setup, run))
+    return run
+
+
+def spheres_there(setup: Setup, run: _Run) -> Array:
+    """Centres and radii (m, 4) [m] of the spheres of the grains still there."""
+    live, grain = run.live, setup.grain
+    scales = sizes(setup.packing)[live][:, None, None]
+    quaternions = run.orientations[live]
+    lengths = np.linalg.norm(quaternions, axis=1, keepdims=True)
+    turns = rotation_matrices(quaternions / lengths)
+    arms = scales * np.einsum("nij,kj->nki", turns, grain.offsets)
+    radii = scales * grain.radii[:, None]  # (n, k, 1)
+    centres = run.positions[live][:, None] + arms
+    return np.concatenate([centres, radii], axis=2).reshape(-1, 4)
 
 
 def _advance(p: Any, world: World, setup: Setup, run: _Run, time: float, dt: float) -> None:
@@ -254,6 +278,11 @@ def _take_snapshots(p: Any, setup: Setup, run: _Run, time: float) -> None:
 
 def _movement(setup: Setup, run: _Run, why: str | None, steps: int, dt: float) -> Movement:
     kept = zip(*run.snapshots, strict=True) if run.snapshots else ()
+    sampled: Mapping[str, Array] = {}
+    if run.sampling is not None:
+        masses = setup.grain.mass * sizes(setup.packing) ** 3
+        there = partial(spheres_there, setup, run)
+        sampled = series(run.sampling, masses, there, finished=why is None)
     return Movement(
         status="finished" if why is None else "crashed",
         why=why,
@@ -270,6 +299,7 @@ def _movement(setup: Setup, run: _Run, why: str | None, steps: int, dt: float) -
         max_kinetic_energy=run.max_kinetic_energy,
         cpu_s=0.0,
         snapshots=dict(zip(SNAPSHOT_KEYS, (np.array(a) for a in kept), strict=False)),
+        series=sampled,
     )
 
 

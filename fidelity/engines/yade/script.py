@@ -22,8 +22,10 @@ from yade.minieigenHP import Vector3
 # YADE knows only where this file is.
 sys.path.append(str(Path(sys.argv[0]).resolve().parents[3]))
 from fidelity.engine import MAX_OVERLAP, SETTLED_ENERGY, SETTLED_S
+from fidelity.engines.exchange import read_samples
 from fidelity.engines.wall_motion import angle_at, shift_at, top_speed
 from fidelity.engines.yade.world import Grains, Wall, add_grains, add_walls, engines
+from fidelity.samples import Sampling, begin, look, series
 
 # Time between two looks at the grains [s]. A grain's exit is interpolated between two looks;
 # at 1 m/s and more a change of speed by 0.5 m/s in between costs less than 0.1 ms.
@@ -69,12 +71,14 @@ def main(directory: Path) -> None:
     grains = add_grains(given)
     O.dt = given["engine"]["timestep"]
     O.engines = engines(given, walls)
-    write_result(directory, *move(given, grains, walls))
+    sampling = begin_samples(given, grains)
+    health, snapshots, sphere_steps = move(given, grains, walls, sampling)
+    write_result(directory, grains, health, snapshots, sampling, sphere_steps)
 
 
 def move(
-    given: dict[str, Any], grains: Grains, walls: list[Wall]
-) -> tuple[Grains, Health, Snapshots, float]:
+    given: dict[str, Any], grains: Grains, walls: list[Wall], sampling: Sampling | None
+) -> tuple[Health, Snapshots, float]:
     """Step until the end; also gives the number of spheres moved, summed over the steps."""
     health = Health()
     snapshots = Snapshots(sorted(given["snapshot_times"].tolist()))
@@ -94,10 +98,12 @@ def move(
         if check % CHECKS_PER_HEALTH == 0 or steps_left == 0:
             examine(given, grains, walls, health)
         take_snapshots(snapshots, grains, walls)
+        if sampling is not None and health.why is None:
+            look(sampling, float(O.time), places(grains), lambda: spheres_there(grains))
         if ends_early(given, grains, health):
             break
     record(grains)
-    return grains, health, snapshots, sphere_steps
+    return health, snapshots, sphere_steps
 
 
 def drive(walls: list[Wall], interval: float) -> None:
@@ -244,6 +250,32 @@ def take_snapshots(snapshots: Snapshots, grains: Grains, walls: list[Wall]) -> N
             kept.append(copy)
 
 
+def begin_samples(given: dict[str, Any], grains: Grains) -> Sampling | None:
+    """Begin to reduce what is asked for; None if nothing is."""
+    samples = read_samples(given)
+    if samples is None:
+        return None
+    return begin(samples, given["positions"], lambda: spheres_there(grains))
+
+
+def places(grains: Grains) -> Any:
+    """Mass centres (n, 3) [m] now; of a grain that left, where it was found to have left."""
+    now = grains.positions.copy()
+    for i in grains.numbers:
+        now[i] = [float(v) for v in grains.states[i].pos]
+    return now
+
+
+def spheres_there(grains: Grains) -> Any:
+    """Centres and radii (m, 4) [m] of the spheres of the grains still there."""
+    spheres = []
+    for i in grains.numbers:
+        for member in O.bodies[grains.ids[i]].shape.members:
+            sphere = O.bodies[member]
+            spheres.append([*(float(v) for v in sphere.state.pos), float(sphere.shape.radius)])
+    return np.array(spheres).reshape(-1, 4)
+
+
 def forces_on(walls: list[Wall]) -> Any:
     """What the grains exert on each wall (w, 3) [N]."""
     forces = np.zeros((len(walls), 3))
@@ -254,7 +286,12 @@ def forces_on(walls: list[Wall]) -> Any:
 
 
 def write_result(
-    directory: Path, grains: Grains, health: Health, snapshots: Snapshots, sphere_steps: float
+    directory: Path,
+    grains: Grains,
+    health: Health,
+    snapshots: Snapshots,
+    sampling: Sampling | None,
+    sphere_steps: float,
 ) -> None:
     """Write what became of the grains."""
     arrays = {
@@ -270,6 +307,9 @@ def write_result(
         arrays["snapshot_orientations"] = np.array(snapshots.orientations)
         arrays["snapshot_speeds"] = np.array(snapshots.speeds)
         arrays["snapshot_wall_forces"] = np.array(snapshots.wall_forces)
+    if sampling is not None:
+        there, finished = lambda: spheres_there(grains), health.why is None
+        arrays |= series(sampling, grains.masses, there, finished=finished)
     np.savez(directory / "result.npz", **arrays)
     scalars = {
         "status": "finished" if health.why is None else "crashed",

@@ -21,6 +21,7 @@ from fidelity.grains.filling import (
     strip,
     top_of,
 )
+from fidelity.samples import Columns, Plane, Samples, even_columns
 from geometry.sections import Section
 from mfopt.arrays import Array, frozen
 from mfopt.errors import ConfigError
@@ -129,6 +130,25 @@ def discharge_setup(settings: DischargeSettings, portion: Portion, packing: Pack
         duration=settings.duration,
         exit_z=-settings.fall,
     )
+
+
+def discharge_samples(settings: DischargeSettings, portion: Portion, times: Array) -> Samples:
+    """What passes the outlet at z = 0, and the fill level in columns one grain wide along x.
+
+    A column ends at the floor below its middle; over the outlet at the outlet's height.
+
+    Args:
+        settings: the hopper.
+        portion: its grains; a column is as wide as their diameter.
+        times: (s,) [s].
+    """
+    half, (x, y) = settings.length / 2, settings.outlet
+    flat = even_columns(-half, half, 2.0 * float(portion.grain.radii.max()))
+    middles = (flat.edges[:-1] + flat.edges[1:]) / 2
+    beside = np.maximum(np.abs(middles) - x / 2, 0.0)
+    columns = Columns(flat.edges, frozen(beside * math.tan(settings.floor_angle)))
+    outlet = Plane(0.0, (-x / 2, x / 2, -y / 2, y / 2))
+    return Samples(frozen(times), (outlet,), columns)
 
 
 def hopper(settings: DischargeSettings, portion: Portion, top: float) -> Wall:
