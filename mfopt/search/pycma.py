@@ -1,15 +1,48 @@
 """pycma in the unit cube: how both searches make it, and how it is told losses."""
 
+import importlib
+import sys
+import threading
 import warnings
 from collections.abc import Sequence
 from typing import Any
 
-import cma
 import numpy as np
 
 from mfopt.arrays import Array
 
 WIDEST = 1.0 / 3.0  # largest standard deviation of a variable, pycma's own limit in a unit box
+
+# pycma works without these two, which only its figures and its own surrogate models use. To load
+# them takes a second, half of the start of a small run.
+LEFT_OUT = ("scipy.stats", "matplotlib.pyplot")
+
+
+class _LeftOut:
+    """Tells the thread that made it that modules are not installed."""
+
+    def __init__(self) -> None:
+        self.thread = threading.get_ident()
+
+    def find_spec(self, name: str, path: object, target: object = None) -> None:
+        """Called by Python for each module that is not loaded yet."""
+        if name in LEFT_OUT and threading.get_ident() == self.thread:
+            raise ModuleNotFoundError(f"not needed: {name}", name=name)
+
+
+def _pycma() -> Any:
+    """Load pycma, which carries no types, without the modules that it can leave out."""
+    finder = _LeftOut()
+    sys.meta_path.insert(0, finder)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of pycma, that it cannot draw
+            return importlib.import_module("cma")
+    finally:
+        sys.meta_path.remove(finder)
+
+
+cma = _pycma()
 
 
 def strategy(
