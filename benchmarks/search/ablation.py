@@ -22,7 +22,6 @@ from benchmarks.search.peers.ablations import ABLATIONS
 from benchmarks.search.reproduce import FULL
 from benchmarks.search.results import read_suite
 from benchmarks.search.score import (
-    TARGETS,
     compare,
     geometric_mean,
     interval,
@@ -30,6 +29,7 @@ from benchmarks.search.score import (
     paired,
     times,
 )
+from benchmarks.search.suites import TARGETS
 
 WHOLE = "mfopt"
 INSTANCES = "6-8"
@@ -70,7 +70,7 @@ def table(directory: Path) -> str:
         for name in VARIANTS[suite]:
             whole, variants = results[WHOLE], results[name]
             s = compare(whole, {name: variants}, targets, centre=geometric_mean)
-            left = mean_and_error(paired(whole, variants, max(targets)))
+            left = mean_and_error(paired(whole, variants))
             instances = max(r.instances for r in s.ratios)
             variant = name.removeprefix("mfopt-").replace("-", " ")
             lines.append(

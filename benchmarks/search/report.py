@@ -14,16 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.search.results import Result, read_suite
-from benchmarks.search.score import (
-    TARGETS,
-    Ratio,
-    Summary,
-    compare,
-    interval,
-    share,
-    times,
-)
-from benchmarks.search.suites import SUITES, UNIMODAL
+from benchmarks.search.score import Ratio, Summary, compare, interval, share, times
+from benchmarks.search.suites import SUITES, TARGETS, UNIMODAL
 
 
 @dataclass(frozen=True, slots=True)
@@ -229,10 +221,10 @@ def _cpu(directory: Path, search: str, kind: str) -> list[str]:
     lines = ["\n## Own processor time\n", "| suite | median of a run | longest ask + tell |",
              "|---|---|---|"]  # fmt: skip
     for suite in SUITES:
-        traces = [r.trace for r in read_suite(directory, kind, suite).get(search, [])]
-        if traces:
-            median = float(np.median([t.cpu_s for t in traces]))
-            longest = max(t.slowest_s for t in traces)
+        results = read_suite(directory, kind, suite).get(search, [])
+        if results:
+            median = float(np.median([r.cpu_s for r in results]))
+            longest = max(r.slowest_s for r in results)
             lines.append(f"| {suite} | {median:.1f} s | {longest:.2f} s |")
     return lines
 

@@ -17,8 +17,9 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from benchmarks.search.peers import PEERS
-from benchmarks.search.results import Result, append, done, kind_of, read, result_file
-from benchmarks.search.suites import SUITES, case_named, default_budget
+from benchmarks.search.results import Result, append, done, kind_of, read, result_file, scored
+from benchmarks.search.score import share
+from benchmarks.search.suites import SUITES, TARGETS, case_named, default_budget
 
 BUDGET_FACTORS = {  # by suite, then by peer
     "noise-free": {"pycma": 4.0, "lra": 4.0},
@@ -43,18 +44,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for number, (task, result) in enumerate(_run_all(tasks, given.jobs), start=1):
         suite, peer, case, instance, _ = task
         append(result_file(given.out, suite, peer, instance), result)
-        trace = result.trace
-        left = 10.0 ** (-trace.cells[-1] / 20.0)
-        print(f"{number}/{len(tasks)} {peer} {case} {instance}: {left:.1e} of the gap left, "
-              f"cost {trace.cost:g}, {trace.cpu_s:.1f} s", flush=True)  # fmt: skip
+        reached = ", ".join(map(share, result.hits)) or "no target"
+        print(f"{number}/{len(tasks)} {peer} {case} {instance}: reached {reached}; "
+              f"cost {result.cost:g}, {result.cpu_s:.1f} s", flush=True)  # fmt: skip
     return 0
 
 
 def run_one(task: Task) -> Result:
     """Run one method on one instance."""
-    _, peer, name, instance, budget = task
+    suite, peer, name, instance, budget = task
     trace = PEERS[peer](case_named(name, instance), budget, instance)
-    return Result(peer, name, instance, instance, budget, trace)
+    return scored(peer, name, instance, budget, trace, TARGETS[suite])
 
 
 def numbers(words: Sequence[str]) -> list[int]:
@@ -79,7 +79,7 @@ def _tasks(given: argparse.Namespace) -> Iterator[Task]:
                 if given.cases and not any(fnmatch(name, pattern) for pattern in given.cases):
                     continue
                 budget = factor * default_budget(case_named(name, instance))
-                if (name, instance, instance, budget) not in there:
+                if (name, instance, budget) not in there:
                     yield given.suite, peer, name, instance, budget
 
 

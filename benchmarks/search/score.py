@@ -1,11 +1,10 @@
 """Cost to a target as expected running time, and how two methods compare.
 
-A run hits a target when its recommendation enters the target set for the last time; a hit that
-does not last to the end of the trace is none. The expected running time (ERT) is all that was
-spent, up to the hit or to the end of a run that failed, over the number of hits.
+The expected running time (ERT) is all that was spent, up to the hit or to the end of a run that
+failed, over the number of hits.
 
-Of few instances these times say little: one hit more or less halves or doubles them. To decide on a
-change, compare what is left of the first gap on the way, run by run (`paired`).
+Few instances make rough times: one hit more or less halves or doubles them. To decide on a change,
+compare what is left of the first gap on the way, run by run (`paired`).
 
 Source: Hansen, Auger, Brockhoff, Tusar & Tusar, COCO: performance assessment, arXiv:1605.03560.
 """
@@ -17,19 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.search.case import CELLS_PER_DECADE, Array, Trace
+from benchmarks.search.case import CELLS_PER_DECADE, Array
 from benchmarks.search.results import Result
 
 RESAMPLES = 1000
-UNDER_NOISE = (20, 30, 40)  # cells: 10 %, 3.2 %, 1 % of the first gap
-TARGETS: Mapping[str, tuple[int, ...]] = {  # by suite
-    "noise-free": (20, 40, 60, 80),  # 10 %, 1 %, 0.1 %, 1e-4
-    "noisy": UNDER_NOISE,
-    "ladder": UNDER_NOISE,
-    "bad": UNDER_NOISE,
-}
 LIMIT = 10.0  # of a ratio in a geometric mean
-FIRST_SHARE = 1.0 / 40.0  # of the budget, from which on what is left of the gap counts
 
 Key = tuple[str, int]  # case, target cell
 
@@ -66,43 +57,19 @@ class Summary:
         return tuple(sorted((r for r in self.ratios if r.ratio < 1.0), key=lambda r: r.ratio))
 
 
-def hit(trace: Trace, target: int) -> float | None:
-    """Cost at which the recommendation reached the target to stay; None if it never did."""
-    entered: float | None = None
-    for cost, cell in zip(trace.costs, trace.cells, strict=True):
-        if cell < target:
-            entered = None
-        elif entered is None:
-            entered = cost
-    return entered
-
-
-def expected_running_time(traces: Sequence[Trace], target: int) -> float:
+def expected_running_time(results: Sequence[Result], target: int) -> float:
     """ERT: all that was spent until a hit or the end, over the number of hits."""
-    spent, hits = _spent_and_hits(traces, target)
+    spent, hits = _spent_and_hits(results, target)
     return float(spent.sum() / hits.sum()) if hits.any() else np.inf
 
 
-def left_on_the_way(result: Result, hardest: int) -> float:
-    """Decades of the first gap that are left, on average over the logarithm of the cost.
-
-    Args:
-        hardest: target cell; to be better than that does not count.
-    """
-    trace = result.trace
-    costs = np.geomspace(FIRST_SHARE, 1.0, 100) * result.budget
-    cells = np.array(trace.cells)[np.searchsorted(trace.costs, costs, side="right") - 1]
-    return -float(np.minimum(cells, hardest).mean()) / CELLS_PER_DECADE
-
-
-def paired(ours: Sequence[Result], theirs: Sequence[Result], hardest: int) -> Array:
+def paired(ours: Sequence[Result], theirs: Sequence[Result]) -> Array:
     """Decades that ours leaves more than theirs on the way, one for each run that both have.
 
     That is one with the same case, instance and budget.
     """
     mine, other = (
-        {(r.case, r.instance, r.budget): left_on_the_way(r, hardest) for r in results}
-        for results in (ours, theirs)
+        {(r.case, r.instance, r.budget): r.left for r in results} for results in (ours, theirs)
     )
     return np.array([mine[key] - other[key] for key in sorted(mine.keys() & other.keys())])
 
@@ -131,21 +98,21 @@ def interval(of: Summary | Ratio, instances: int) -> str:
     return f" ({times(of.low)} to {times(of.high)})" if instances > 1 else ""
 
 
-def by_case(results: Sequence[Result]) -> dict[str, dict[int, Trace]]:
-    """Traces by case and instance.
+def by_case(results: Sequence[Result]) -> dict[str, dict[int, Result]]:
+    """Results by case and instance.
 
     Raises:
         ValueError: if an instance was run twice, with two budgets for example.
     """
-    cases: dict[str, dict[int, Trace]] = {}
+    cases: dict[str, dict[int, Result]] = {}
     for result in results:
-        traces = cases.setdefault(result.case, {})
-        if result.instance in traces:
+        instances = cases.setdefault(result.case, {})
+        if result.instance in instances:
             raise ValueError(
                 f"{result.peer}, {result.case}, instance {result.instance} is there twice; "
                 "keep one budget a file"
             )
-        traces[result.instance] = result.trace
+        instances[result.instance] = result
     return cases
 
 
@@ -197,8 +164,8 @@ def compare(
 
 
 def _compare_case(
-    mine: Mapping[int, Trace],
-    theirs: Mapping[str, Mapping[str, Mapping[int, Trace]]],
+    mine: Mapping[int, Result],
+    theirs: Mapping[str, Mapping[str, Mapping[int, Result]]],
     case: str,
     target: int,
     rng: np.random.Generator,
@@ -206,7 +173,7 @@ def _compare_case(
     """The ratio on one case and its bootstrap sample; None if nobody hit."""
     best, best_time = "", np.inf
     for name, cases in theirs.items():
-        common = [t for i, t in cases.get(case, {}).items() if i in mine]
+        common = [r for i, r in cases.get(case, {}).items() if i in mine]
         if common and (expected_running_time(common, target) < best_time or not best):
             best, best_time = name, expected_running_time(common, target)
     instances = sorted(set(mine) & set(theirs[best][case]))
@@ -225,10 +192,9 @@ def _compare_case(
     ), sample
 
 
-def _spent_and_hits(traces: Sequence[Trace], target: int) -> tuple[Array, NDArray[np.int64]]:
-    hits = [hit(trace, target) for trace in traces]
-    spent = [t.cost if h is None else h for h, t in zip(hits, traces, strict=True)]
-    return np.array(spent), np.array([h is not None for h in hits], dtype=np.int64)
+def _spent_and_hits(results: Sequence[Result], target: int) -> tuple[Array, NDArray[np.int64]]:
+    spent = [r.hits.get(target, r.cost) for r in results]
+    return np.array(spent), np.array([target in r.hits for r in results], dtype=np.int64)
 
 
 def _ratio(a_spent: Array, a_hits: Array, b_spent: Array, b_hits: Array) -> Array:

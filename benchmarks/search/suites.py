@@ -13,6 +13,7 @@ Noise 5 is normal with 5 % of the function's range, 30 with 30 % of the value ab
 the range is the median value of random designs above the optimum.
 """
 
+from collections.abc import Mapping
 from functools import lru_cache, partial
 from typing import Any
 
@@ -58,6 +59,13 @@ SUITES: dict[str, tuple[str, ...]] = {
         "wing",
     ),
     "bad": tuple(f"bad/f{n}/{kind}" for n in _BAD for kind in BAD_KINDS),
+}
+UNDER_NOISE = (20, 30, 40)  # cells: 10 %, 3.2 %, 1 % of the first gap
+TARGETS: Mapping[str, tuple[int, ...]] = {  # by suite
+    "noise-free": (20, 40, 60, 80),  # 10 %, 1 %, 0.1 %, 1e-4
+    "noisy": UNDER_NOISE,
+    "ladder": UNDER_NOISE,
+    "bad": UNDER_NOISE,
 }
 
 

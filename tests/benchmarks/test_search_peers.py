@@ -7,9 +7,8 @@ import pytest
 from benchmarks.search.peers import PEERS, external
 from benchmarks.search.peers.ladder import stalled
 from benchmarks.search.peers.ours import planned_cmaes, run_search
-from benchmarks.search.results import read, result_file
+from benchmarks.search.results import hit, read, result_file
 from benchmarks.search.run import main, numbers
-from benchmarks.search.score import hit
 from benchmarks.search.suites import case_named
 
 LADDERS = {"warm-start", "ladder-stall", "ladder-shares", "kendall-tau"}

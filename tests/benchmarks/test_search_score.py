@@ -8,13 +8,21 @@ import pytest
 
 from benchmarks.search.case import Trace
 from benchmarks.search.report import report
-from benchmarks.search.results import Result, append, done, kind_of, read, result_file
+from benchmarks.search.results import (
+    Result,
+    append,
+    done,
+    hit,
+    kind_of,
+    left_on_the_way,
+    read,
+    result_file,
+    scored,
+)
 from benchmarks.search.score import (
     compare,
     expected_running_time,
     geometric_mean,
-    hit,
-    left_on_the_way,
     mean_and_error,
     paired,
     share,
@@ -27,7 +35,7 @@ def _trace(*entries: tuple[float, int], cost: float = 100.0) -> Trace:
 
 
 def _results(peer: str, traces: list[Trace], case: str = "bbob/f1/d10") -> list[Result]:
-    return [Result(peer, case, 101 + i, 101 + i, 100.0, t) for i, t in enumerate(traces)]
+    return [scored(peer, case, 101 + i, 100.0, t, (20, 40, 60, 80)) for i, t in enumerate(traces)]
 
 
 def test_a_hit_must_last() -> None:
@@ -39,8 +47,9 @@ def test_a_hit_must_last() -> None:
 
 def test_failures_are_paid_for() -> None:
     traces = [_trace((10, 25)), _trace((30, 25)), _trace(cost=60.0), _trace((5, 25), (6, 3))]
-    assert expected_running_time(traces, 20) == (10 + 30 + 60 + 100) / 2
-    assert expected_running_time(traces[2:], 20) == math.inf
+    results = _results("mfopt", traces)
+    assert expected_running_time(results, 20) == (10 + 30 + 60 + 100) / 2
+    assert expected_running_time(results[2:], 20) == math.inf
 
 
 def test_the_ratio_is_of_expected_running_times_over_common_instances() -> None:
@@ -60,15 +69,15 @@ def test_the_geometric_mean_limits_what_only_one_reached() -> None:
 
 def test_what_is_left_on_the_way_is_an_average_over_the_logarithm_of_the_cost() -> None:
     # nothing gained up to a cost of 10 of 100, from there on one decade, beyond it does not count
-    (result,) = _results("mfopt", [_trace((10, 20), (50, 90))])
+    trace = _trace((10, 20), (50, 90))
     share_of_way = math.log(100 / 10) / math.log(40)
-    assert left_on_the_way(result, 20) == pytest.approx(-share_of_way, abs=0.02)
+    assert left_on_the_way(trace, 100.0, 20) == pytest.approx(-share_of_way, abs=0.02)
 
 
 def test_runs_are_paired_by_case_and_instance() -> None:
     ours = _results("mfopt", [_trace((1, 20)), _trace((1, 40)), _trace((1, 30))])
     theirs = _results("pycma", [_trace((1, 30)), _trace((1, 30))])
-    differences = paired(ours, theirs, 40)
+    differences = paired(ours, theirs)
     np.testing.assert_allclose(differences, [0.5, -0.5])
     assert mean_and_error(differences) == "+0.00 ± 0.50"
 
@@ -123,7 +132,7 @@ def test_results_survive_a_torn_line(tmp_path: Path) -> None:
         file.write('{"case":"bbob/f1')
     append(path, second)
     assert list(read(path)) == [first, second]
-    assert done(read(path)) == {("bbob/f1/d10", 101, 101, 100.0), ("bbob/f1/d10", 102, 102, 100.0)}
+    assert done(read(path)) == {("bbob/f1/d10", 101, 100.0), ("bbob/f1/d10", 102, 100.0)}
 
 
 def test_tuning_and_reported_instances_are_kept_apart(tmp_path: Path) -> None:
