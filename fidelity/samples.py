@@ -19,7 +19,10 @@ from mfopt.errors import ConfigError
 
 @dataclass(frozen=True, slots=True)
 class Plane:
-    """A horizontal plane. A grain passes when its mass centre first comes down through it."""
+    """A horizontal plane. A grain passes when its mass centre first comes down through it.
+
+    A grain that starts below the plane (below the opening, if there is one) has passed at time 0.
+    """
 
     z: float  # [m]
     # x from, x to, y from, y to [m]: a passage outside does not count; None: all count

@@ -16,6 +16,7 @@ from fidelity.scenes.discharge.run import (
     DischargeSettings,
     check_discharge,
     discharge_result,
+    discharge_samples,
     discharge_setup,
     filling_setup,
     hopper,
@@ -95,6 +96,17 @@ def test_the_run_has_no_gate_and_the_seed_decides_the_packing() -> None:
     setup = discharge_setup(SLOT, portion, filling_setup(SLOT, portion, 1).packing)
     assert [wall.name for wall in setup.walls] == ["hopper"]
     assert (setup.exit_z, setup.duration, setup.settle) == (-SLOT.fall, SLOT.duration, False)
+
+
+def test_columns_stand_on_the_floor_and_the_plane_is_the_outlet() -> None:
+    samples = discharge_samples(PYRAMID, portion_of(10), np.linspace(0.0, 0.5, 6))
+    columns, (outlet,) = samples.columns, samples.planes
+    assert columns is not None
+    assert (outlet.z, outlet.opening) == (0.0, (-0.04, 0.04, -0.03, 0.03))
+    # 16 columns of a grain's width, 1 cm, of which 8 are over the outlet.
+    np.testing.assert_allclose(columns.edges, np.linspace(-0.08, 0.08, 17), atol=1e-15)
+    rise = math.sqrt(3) * np.array([0.035, 0.025, 0.015, 0.005])
+    np.testing.assert_allclose(columns.floors, [*rise, *np.zeros(8), *rise[::-1]], atol=1e-15)
 
 
 def uneven(n: int) -> Array:
