@@ -103,6 +103,16 @@ def test_a_straight_way_meets_the_plane_in_proportion() -> None:
         assert np.isfinite(times).tolist() == [True, False, False, passes]
 
 
+def test_every_side_bounds_an_opening_in_the_way_and_at_the_start() -> None:
+    xy = np.array([[0, 0], [-2, 0], [2, 0], [0, -3], [0, 3]])
+    above, below = (np.column_stack([xy, np.full(5, z)]) for z in (1.0, -1.0))
+    plane = Plane(0.0, (-1.0, 1.0, -2.0, 2.0))
+    passed = passage_times(plane, 0.0, above, 1.0, below)
+    np.testing.assert_array_equal(passed, [0.5, *np.full(4, np.nan)])
+    start = begin(Samples(np.array([0.0]), (plane,)), below, no_spheres)
+    np.testing.assert_array_equal(start.passages, [[0.0, *np.full(4, np.nan)]])
+
+
 def test_shares_are_of_the_mass() -> None:
     passages = np.array([[0.1, 0.2, np.nan], [0.15, np.nan, np.nan]])
     shares = passed_share(passages, np.array([1.0, 2.0, 5.0]), np.array([0.0, 0.1, 0.15, 0.3]))
