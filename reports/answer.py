@@ -50,7 +50,7 @@ def answer(run: RunDirectory) -> dict[str, Any]:
                 **_believed(found),
                 **_confirmed(found),
             }
-        if lines := needs(facts.rows, found, header):
+        if lines := needs(facts.rows, found, facts.quantities):
             its["needs"] = {line.name: _need(line) for line in lines}
         if facts.run.reference is not None:
             its["reference"] = _reference(facts)
@@ -156,7 +156,7 @@ def _result_lines(facts: Facts) -> list[tuple[str, str]]:
     elif found.belief is None:
         words = f"{facts.shown.full(found.found.value)} in one run at level {found.found.level}"
         lines.append((facts.name, words))
-    lines += [(line.label, line.sentence()) for line in needs(facts.rows, found, facts.header)]
+    lines += [(line.label, line.sentence()) for line in needs(facts.rows, found, facts.quantities)]
     if found.belief is not None:
         words = f"{believed(found.belief, facts.shown)} at level {found.belief.level}"
         lines.append(("estimate of the search", words))

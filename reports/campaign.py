@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,7 +30,7 @@ class Step:
     generation: Generation
     best: float  # of the finished runs, nan if there is none
     median: float
-    filling_time: float  # of the best run [s]
+    quantities: Mapping[str, float]  # of the best run, SI units; by name
     runs: int
     failed: int
 
@@ -84,12 +84,12 @@ def steps(generations: Sequence[Generation], rows: Sequence[Row]) -> list[Step]:
 def _step(generation: Generation, rows: Sequence[Row]) -> Step:
     finished = sorted((r for r in rows if r.finished), key=lambda r: r.value)
     if not finished:
-        return Step(generation, math.nan, math.nan, math.nan, len(rows), len(rows))
+        return Step(generation, math.nan, math.nan, {}, len(rows), len(rows))
     return Step(
         generation,
         finished[0].value,
         median([r.value for r in finished]),
-        finished[0].filling_time,
+        finished[0].quantities,
         len(rows),
         len(rows) - len(finished),
     )

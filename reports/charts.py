@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mfopt.arrays import AnyArray, Array
+from mfopt.records.objective import Quantity
+from mfopt.records.view import DesignView
 from reports.campaign import Step
-from reports.design import DesignView
 from reports.units import Display, number
 
 if TYPE_CHECKING:
@@ -108,13 +109,29 @@ def speed_colours(speeds: Array, top_speed: float) -> Array:
     return np.asarray(colormaps["viridis"](np.nan_to_num(speeds) / top_speed)[:, :3])
 
 
-def progress(steps: Sequence[Step], shown: Display, name: str, bound_s: float | None) -> str:
-    """Best and median of each generation; levels, restarts and failed runs marked."""
+def progress(
+    steps: Sequence[Step],
+    shown: Display,
+    name: str,
+    beside: Quantity | None = None,
+    bound: float | None = None,
+) -> str:
+    """Best and median of each generation; levels, restarts and failed runs marked.
+
+    Args:
+        steps: the generations.
+        shown: how values of the objective are shown.
+        name: of the objective.
+        beside: a quantity of the best run, in a panel of its own.
+        bound: physical lower bound of that quantity, in its unit.
+    """
     from matplotlib.ticker import MaxNLocator
 
     with styled():
-        filling = drawable([s.filling_time * 1e3 for s in steps])
-        two = bool(np.isfinite(filling).any())
+        factor, unit = (1.0, "-") if beside is None else beside.shown
+        second = "" if beside is None else beside.name
+        values = drawable([s.quantities.get(second, math.nan) * factor for s in steps])
+        two = bool(np.isfinite(values).any())
         ratios = [1.7, 1.0][: 1 + two]
         figure, axes = _figure(5.0 if two else 3.8, 1 + two, ratios, 0.45, bottom=0.95)
         place = np.array([s.generation.number for s in steps])
@@ -126,12 +143,12 @@ def progress(steps: Sequence[Step], shown: Display, name: str, bound_s: float | 
         scale(axes[0], np.concatenate((best, median)))
         axes[0].set_ylabel(f"{name} {short(shown.bracket)}")
         if two:
-            axes[1].plot(place, filling, color=BLUE, marker="o", ms=3.0)
-            scale(axes[1], filling)
-            axes[1].set_ylabel("filling time\nof the best [ms]")
-            if bound_s is not None:
-                bound_ms = float(drawable(bound_s * 1e3))
-                axes[1].axhline(bound_ms, color=GREEN, ls=":", label="physical lower bound")
+            axes[1].plot(place, values, color=BLUE, marker="o", ms=3.0)
+            scale(axes[1], values)
+            axes[1].set_ylabel(f"{second}\nof the best [{unit}]")
+            if bound is not None:
+                lowest = float(drawable(bound * factor))
+                axes[1].axhline(lowest, color=GREEN, ls=":", label="physical lower bound")
         axes[0].margins(y=0.16)  # room for the marks of failed runs and restarts
         _failed(axes[0], steps)
         legend_below(figure, axes)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from mfopt.campaign.store import RunDirectory
+from mfopt.records.objective import Quantity
 from reports import campaign
 from reports.course import Course, course
 from reports.plain import readable_run
@@ -27,6 +28,18 @@ class Facts:
     costs: list[campaign.Cost]
     name: str  # of the objective, in words
     shown: Display  # how its values are shown
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """What an engineer asks of a run, as far as runs of the study give it."""
+        asked = self.run.criteria.quantities
+        return tuple(q for q in asked if any(q.name in row.quantities for row in self.rows))
+
+    @property
+    def beside(self) -> Quantity | None:
+        """The quantity that is shown beside the objective."""
+        name = self.run.criteria.beside
+        return next((q for q in self.quantities if q.name == name), None)
 
     @property
     def header(self) -> Mapping[str, Any]:

@@ -1,23 +1,21 @@
-"""What the machine needs, for a first look: dispersion, filling time and mass left.
+"""What an engineer asks of the machine, for a first look: one quantity a line.
 
-The objective adds them up; here each stands for itself, so that none can hide behind another.
+The objective adds quantities up. Here each stands for itself, so that none hides behind another.
 """
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from mfopt.records.objective import Quantity
 from reports.result import Result
 from reports.rows import Row
 from reports.statistics import median
 from reports.units import Display
 
-MS = Display(1e3, "ms")
-PERCENT = Display(1e2, "%")  # of the portion's mass
-SIMPLE = "best simple motion"
+SIMPLE = "best start"
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,9 +83,9 @@ class Need:
 
 
 def needs(
-    rows: Sequence[Row], result: Result | None, header: Mapping[str, Any]
+    rows: Sequence[Row], result: Result | None, quantities: Sequence[Quantity]
 ) -> tuple[Need, ...]:
-    """Dispersion, filling time and mass left of the designs that fresh seeds compare.
+    """The quantities of the designs that fresh seeds compare.
 
     Before the confirmation the best design has the run that found it. Empty where runs are of
     another kind.
@@ -98,18 +96,16 @@ def needs(
         "best": result.confirmations or (result.found,),
         "baseline": result.baseline,
     }
-    if (simple := _simple_motion(rows)) and not np.array_equal(simple[0].x, result.x):
+    if (simple := _best_start(rows)) and not np.array_equal(simple[0].x, result.x):
         runs[SIMPLE] = simple
-    limit = header.get("objective_settings", {}).get("filling_time_limit_s")
-    made = (
-        Need("dispersion", "s", MS, None, _spreads(runs, "dispersion")),
-        Need("filling time", "s", MS, limit, _spreads(runs, "filling_time", limit)),
-        Need("mass left", "-", PERCENT, None, _spreads(runs, "mass_left")),
-    )
+    made = [
+        Need(q.name, q.unit, Display(*q.shown), q.limit, _spreads(runs, q.name, q.limit))
+        for q in quantities
+    ]
     return tuple(need for need in made if "best" in need.spreads)
 
 
-def _simple_motion(rows: Sequence[Row]) -> list[Row]:
+def _best_start(rows: Sequence[Row]) -> list[Row]:
     """Runs at the target of the best design among the starts; none if it was no finalist."""
     starts: dict[bytes, list[float]] = {}
     for row in rows:
@@ -120,12 +116,12 @@ def _simple_motion(rows: Sequence[Row]) -> list[Row]:
 
 
 def _spreads(
-    runs: Mapping[str, Sequence[Row]], field: str, limit: float | None = None
+    runs: Mapping[str, Sequence[Row]], name: str, limit: float | None = None
 ) -> dict[str, Spread]:
     """One quantity of each design that has a finished run which gives it."""
     made = {}
     for design, its in runs.items():
-        given = [float(getattr(row, field)) for row in its if row.finished]
+        given = [row.quantity(name) for row in its if row.finished]
         values = [value for value in given if math.isfinite(value)]
         if values:
             over = 0 if limit is None else sum(value > limit for value in values)

@@ -8,9 +8,9 @@ import numpy as np
 
 from mfopt.arrays import AnyArray, Array
 from mfopt.campaign.store import RunDirectory
+from mfopt.records.view import Describe, DesignView
 from reports import campaign, charts, course_chart, pictures, reference, tables, viewer
 from reports.course import changes
-from reports.design import Describe, DesignView
 from reports.facts import Facts, gather
 from reports.needs import SIMPLE, Need, needs
 from reports.plain import plain
@@ -37,7 +37,9 @@ def context(run: RunDirectory, describe: Describe) -> dict[str, Any]:
         "study": _study(run),
         "end": run.end,
         "state": state(run.end, facts.rows),
-        "sentence": sentence(its, facts.rows, facts.name, facts.shown, ended=run.end is not None),
+        "sentence": sentence(
+            its, facts.rows, facts.name, facts.shown, facts.quantities, ended=run.end is not None
+        ),
         "name": facts.name,
         "work_head": _work_head(facts),
         "unit": facts.shown.unit,
@@ -69,14 +71,14 @@ def _work_head(facts: Facts) -> str:
 
 def needed(facts: Facts) -> dict[str, Any] | None:
     """The table of what the machine needs: a line for each quantity, a cell for each design."""
-    lines = needs(facts.rows, facts.result, facts.header)
+    lines = needs(facts.rows, facts.result, facts.quantities)
     if not lines or facts.result is None:
         return None
     designs = list(lines[0].spreads)
     seeds = len(facts.result.confirmations)
     one = f"The best design has one run, at level {facts.result.found.level}."
     over = f"Medians over {seeds} fresh seed{'s' * (seeds != 1)} at the target level"
-    rivals = "; the simple motion over those of the finalists" if SIMPLE in designs else ""
+    rivals = "; the best start over those of the finalists" if SIMPLE in designs else ""
     return {
         "caption": f"{over}{rivals}, with the range of the runs." if seeds else one,
         "designs": designs,
@@ -126,7 +128,7 @@ def _tables(facts: Facts) -> dict[str, Any]:
     levels = [level["name"] for level in header["levels"]]
     chosen_x = None if its is None else its.x
     best = solutions(facts.rows, levels, insights=facts.run.insights, chosen_x=chosen_x)
-    dosing = any(np.isfinite(r.filling_time) for r in facts.rows)
+    asked = facts.quantities
     coverage = None
     if its is not None and its.objective is not None:
         interval = its.objective.reduction_interval
@@ -134,18 +136,18 @@ def _tables(facts: Facts) -> dict[str, Any]:
     return {
         "variables": tables.variables(header, None if its is None else its.x),
         "ladder": tables.ladder(header),
-        "comparison": tables.comparison_lines(its, facts.name, facts.shown) if its else [],
+        "comparison": tables.comparison_lines(its, facts.name, facts.shown, asked) if its else [],
         "coverage": coverage,
-        "confirmations": tables.confirmations(its, facts.shown, dosing=dosing) if its else [],
+        "confirmations": tables.confirmations(its, facts.shown, asked) if its else [],
         "reference": _reference(facts),
-        "solutions": tables.best_solutions(header, best, facts.shown) if best else [],
+        "solutions": tables.best_solutions(header, best, facts.shown, asked) if best else [],
         "work": tables.work(facts.stages),
         "failures": campaign.failures(facts.rows),
         "belief": tables.belief_lines(its, facts.shown) if its else [],
         "changes": (its_changes := changes(facts.run.generations)),
         "has_restarts": any(mark not in levels for mark, _, _ in its_changes),
         "seeds": sorted({r.seed for r in facts.rows if r.purpose == "search"}),
-        "dosing": dosing,
+        "asked": [tables.label_of(q) for q in asked],
         "fresh_seeds": sorted({r.seed for r in facts.rows if r.purpose != "search"}),
     }
 
@@ -159,7 +161,9 @@ def _reference(facts: Facts) -> dict[str, Any] | None:
     return {
         "words": reference.words(its, top["engine"], facts.shown),
         "columns": [its.noted.engine, top["engine"], "ratio"],
-        "lines": reference.lines(its, facts.name, facts.shown) if any(its.pairs.values()) else [],
+        "lines": reference.lines(its, facts.name, facts.shown, facts.quantities)
+        if any(its.pairs.values())
+        else [],
     }
 
 
@@ -172,7 +176,9 @@ def _figures(
         made["progress"] = course_chart.course(facts.course, facts.shown, facts.name, confirmed)
     elif any(np.isfinite(s.best) for s in facts.steps):
         bound = best.bound_any_s if best else None  # it holds for every design
-        made["progress"] = charts.progress(facts.steps, facts.shown, facts.name, bound)
+        made["progress"] = charts.progress(
+            facts.steps, facts.shown, facts.name, facts.beside, bound
+        )
     if best is not None and len(best.motion_times):
         made["motion"] = charts.motion(best, baseline)
     if facts.result is not None:

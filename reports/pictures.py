@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from mfopt.arrays import AnyArray, Array
+from mfopt.records.view import DesignView, Mesh
 from reports import charts, raster
-from reports.design import DesignView, Mesh
 
 # Okabe and Ito's colour-blind-safe palette (2008), by part; the rest is grey.
 PART_COLOURS: Mapping[str, tuple[float, float, float]] = {

@@ -4,15 +4,15 @@ It is one run of each, so it can contradict the result, but not prove it.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
 from mfopt.records.evaluation import Purpose, Reference
+from mfopt.records.objective import Quantity
 from reports.rows import Row
-from reports.units import MISSING, Display, display, number
+from reports.units import MISSING, Display, number
 
-COUNT = Display(1.0, MISSING, decimals=0)
 DESIGNS: Mapping[str, tuple[Purpose, Purpose]] = {
     "best": ("reference best", "confirm best"),
     "baseline": ("reference baseline", "confirm baseline"),
@@ -51,28 +51,29 @@ def _pair(rows: Sequence[Row], there: Purpose, here: Purpose) -> Pair | None:
     return Pair(found, next((r for r in spread if r.seed == found.seed), None), spread)
 
 
-def lines(its: Repeated, name: str, shown: Display) -> list[list[str]]:
+def lines(
+    its: Repeated, name: str, shown: Display, quantities: Sequence[Quantity]
+) -> list[list[str]]:
     """Quantity, and for both designs: on the reference engine, at the target level, ratio."""
-    made = [r for pair in its.pairs.values() if pair for r in (pair.there, pair.here) if r]
-    ms = display("s", [r.filling_time for r in made])
-    quantities = [
-        (f"{name} [{shown.unit}]", shown, [r.value for r in made], "value"),
-        (f"filling time [{ms.unit}]", ms, [r.filling_time for r in made], "filling_time"),
-        ("grains left in the cup", COUNT, [r.left_in_cup for r in made], "left_in_cup"),
-        ("grains left in the hopper", COUNT, [r.left_in_hopper for r in made], "left_in_hopper"),
+    asked: list[tuple[str, Display, Callable[[Row], float]]] = [
+        (f"{name} [{shown.unit}]", shown, lambda row: row.value),
+        *((f"{q.name} [{q.shown[1]}]", Display(*q.shown), _reader(q.name)) for q in quantities),
     ]
     return [
-        [label, *(cell for design in DESIGNS for cell in _cells(its.pairs[design], unit, field))]
-        for label, unit, values, field in quantities
-        if not all(math.isnan(value) for value in values)
+        [label, *(cell for design in DESIGNS for cell in _cells(its.pairs[design], unit, read))]
+        for label, unit, read in asked
     ]
 
 
-def _cells(pair: Pair | None, unit: Display, field: str) -> list[str]:
+def _reader(name: str) -> Callable[[Row], float]:
+    return lambda row: row.quantity(name)
+
+
+def _cells(pair: Pair | None, unit: Display, read: Callable[[Row], float]) -> list[str]:
     if pair is None:
         return [MISSING] * 3
-    there = float(getattr(pair.there, field))
-    here = math.nan if pair.here is None else float(getattr(pair.here, field))
+    there = read(pair.there)
+    here = math.nan if pair.here is None else read(pair.here)
     return [unit.text(there), unit.text(here), ratio(there, here)]
 
 

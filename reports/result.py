@@ -1,7 +1,7 @@
 """The result of a run: its best design, and what fresh seeds say about it."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,7 +22,7 @@ class Result:
     confirmations: tuple[Row, ...]  # runs of it with fresh seeds
     baseline: tuple[Row, ...]  # runs of the baseline with fresh seeds
     objective: Comparison | None  # over the seeds that both were run with
-    filling_time: Comparison | None  # [s]
+    quantities: Mapping[str, Comparison]  # likewise, SI units; by name
     belief: Insight | None = None  # what the search last knew of this design, if it says so
 
     @property
@@ -56,7 +56,7 @@ def result(
         found = solutions(rows, levels, 1, insights)
         if not found:
             return None
-        return Result(found[0], (), baseline, None, None, _belief(found[0].x, insights, rows))
+        return Result(found[0], (), baseline, None, {}, _belief(found[0].x, insights, rows))
     its = tuple(r for r in confirmed if np.array_equal(r.x, confirmed[-1].x))
     search = (
         r
@@ -68,7 +68,7 @@ def result(
         its,
         baseline,
         compare(its, baseline, lambda r: r.value),
-        compare(its, baseline, _filling_time),
+        _quantities(its, baseline),
         _belief(its[0].x, insights, rows),
     )
 
@@ -80,8 +80,15 @@ def _belief(x: Array, insights: Sequence[Insight], rows: Sequence[Row]) -> Insig
     return next((i for i in latest if np.array_equal(i.best, x)), None)
 
 
-def _filling_time(row: Row) -> float:
-    return row.filling_time if row.finished else math.inf
+def _quantities(best: Sequence[Row], baseline: Sequence[Row]) -> dict[str, Comparison]:
+    """What both designs give on the same seeds, beside the objective."""
+
+    def of(name: str) -> Callable[[Row], float]:
+        return lambda row: row.quantity(name) if row.finished else math.inf
+
+    names = dict.fromkeys(name for row in (*best, *baseline) for name in row.quantities)
+    found = {name: compare(best, baseline, of(name)) for name in names}
+    return {name: its for name, its in found.items() if its is not None}
 
 
 def compare(

@@ -4,11 +4,11 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from mfopt.arrays import AnyArray, Array
+from mfopt.arrays import Array
 from mfopt.campaign.store import RunDirectory
 from mfopt.records.evaluation import Evaluation, Purpose
-from mfopt.records.objective import Objective, ObjectiveSettings, objective_named, quantities, value
-from mfopt.records.outcome import Outcome, Status
+from mfopt.records.objective import Criteria, Objective, value
+from mfopt.records.outcome import Status
 from reports.plain import plain
 
 
@@ -23,15 +23,15 @@ class Row:
     purpose: Purpose
     x: Array  # (d,) physical units
     value: float  # the study's objective, infinite if the run failed
-    dispersion: float  # [s] spread of the passage times; nan if it does not apply
-    filling_time: float  # [s] first to last grain; nan if it does not apply
-    mass_left: float  # share of the portion that stays behind; nan if it does not apply
-    left_in_cup: float  # grains; nan if it does not apply
-    left_in_hopper: float
+    quantities: Mapping[str, float]  # what an engineer asks of a run, SI units; by name
     status: Status
     why: str | None
     work: float
     cpu_s: float
+
+    def quantity(self, name: str) -> float:
+        """One of the quantities; nan if the run does not give it."""
+        return self.quantities.get(name, math.nan)
 
     @property
     def finished(self) -> bool:
@@ -45,33 +45,15 @@ def read_rows(run: RunDirectory) -> tuple[Row, ...]:
     All values are those of the objective that the run's header names, whatever objective
     ranked them in their generation: so they compare over the whole run.
     """
-    settings = ObjectiveSettings(**run.header.get("objective_settings", {}))
-    objective = objective_named(run.header["objective"], settings)
-    return tuple(_row(evaluation, objective, settings) for evaluation in run.evaluations())
+    criteria = run.criteria
+    objective = criteria.objectives.get(str(run.header.get("objective")))
+    return tuple(_row(evaluation, objective, criteria) for evaluation in run.evaluations())
 
 
-def _row(evaluation: Evaluation, objective: Objective, settings: ObjectiveSettings) -> Row:
+def _row(evaluation: Evaluation, objective: Objective | None, criteria: Criteria) -> Row:
     c, o = evaluation.candidate, evaluation.outcome
-    its = _quantities(o, settings)
+    known = evaluation.objective if objective is None else value(objective, o)
     return Row(
-        c.index, c.generation, plain(c.level), c.seed, c.purpose, c.x,
-        value(objective, evaluation.outcome),
-        its.get("dispersion", math.nan), its.get("filling time", math.nan),
-        its.get("mass left", math.nan),
-        _count(o.raw, "left_in_cup"), _count(o.raw, "left_in_hopper"),
-        o.status, o.why and plain(o.why), o.work, o.cpu_s,
+        c.index, c.generation, plain(c.level), c.seed, c.purpose, c.x, known,
+        criteria.quantities_of(o), o.status, o.why and plain(o.why), o.work, o.cpu_s,
     )  # fmt: skip
-
-
-def _quantities(outcome: Outcome, settings: ObjectiveSettings) -> dict[str, float]:
-    """What is asked of a dosing run; nothing of a run that failed or is of another kind."""
-    if not outcome.finished:
-        return {}
-    try:
-        return quantities(outcome.raw, settings) or {}
-    except (TypeError, ValueError, ArithmeticError):  # a user's arrays of the same names
-        return {}
-
-
-def _count(raw: Mapping[str, AnyArray], name: str) -> float:
-    return float(raw[name]) if name in raw and raw[name].ndim == 0 else math.nan

@@ -5,10 +5,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from mfopt.records.evaluation import Insight
+from mfopt.records.objective import Quantity
 from reports.result import Result
 from reports.rows import Row
-from reports.statistics import Comparison, Interval, median
-from reports.units import FAILED, Display, display, number
+from reports.statistics import Comparison, Interval
+from reports.units import FAILED, Display, number
 
 
 def objective_name(header: Mapping[str, Any]) -> str:
@@ -26,7 +27,13 @@ def state(end: str | None, rows: Sequence[Row]) -> str | None:
 
 
 def sentence(
-    result: Result | None, rows: Sequence[Row], name: str, shown: Display, *, ended: bool
+    result: Result | None,
+    rows: Sequence[Row],
+    name: str,
+    shown: Display,
+    quantities: Sequence[Quantity] = (),
+    *,
+    ended: bool,
 ) -> str:
     """The result in one sentence.
 
@@ -35,24 +42,19 @@ def sentence(
         rows: all evaluations.
         name: of the objective, in words.
         shown: how its values are shown.
+        quantities: what an engineer asks of a run beside it.
         ended: whether the run has ended.
     """
     if result is None:
         return "No run has finished yet, so there is no result." if rows else "Nothing has run yet."
     if result.objective is None or not math.isfinite(result.objective.median_best):
-        return _unconfirmed(result, name, shown, so_far="" if ended else " so far")
+        return _unconfirmed(result, name, shown, quantities, so_far="" if ended else " so far")
     its = result.objective
     text = _no_better(its) + (
         f"The best design has a median {name} of {shown.full(its.median_best)} over "
         f"{len(its.seeds)} fresh seed{'s' * (len(its.seeds) != 1)}, {against(its, shown)}"
     )
-    filling = result.filling_time
-    if filling is not None and math.isfinite(filling.median_best):
-        ms = display("s", filling.best)
-        text += f"; its filling time is {ms.full(filling.median_best, 3)}"
-        if math.isfinite(filling.median_baseline):
-            text += f" instead of {ms.full(filling.median_baseline, 3)}"
-    return text + _grains_left(result) + "."
+    return text + _beside(result, quantities) + "."
 
 
 def _no_better(its: Comparison) -> str:
@@ -61,19 +63,22 @@ def _no_better(its: Comparison) -> str:
     return "" if better else "No better design was found: keep the baseline. "
 
 
-def _grains_left(result: Result) -> str:
-    """Grains that never reach the bag, which the objective counts too; medians over the seeds."""
-    best, baseline = (
-        median([r.left_in_cup + r.left_in_hopper for r in rows])
-        for rows in (result.confirmations, result.baseline)
-    )
-    if not math.isfinite(best + baseline):
-        return ""
-    grains = "1 grain stays" if best == 1.0 else f"{best:g} grains stay"
-    return f", and {grains} behind instead of {baseline:g}"
+def _beside(result: Result, quantities: Sequence[Quantity]) -> str:
+    """The quantities of both designs, which the objective may hide; medians over the seeds."""
+    said = []
+    for q in quantities:
+        its, shown = result.quantities.get(q.name), Display(*q.shown)
+        if its is not None and math.isfinite(its.median_best):
+            text = f"{q.name} {shown.full(its.median_best, 3)}"
+            if math.isfinite(its.median_baseline):
+                text += f" instead of {shown.full(its.median_baseline, 3)}"
+            said.append(text)
+    return f"; {', '.join(said)}" if said else ""
 
 
-def _unconfirmed(result: Result, name: str, shown: Display, *, so_far: str) -> str:
+def _unconfirmed(
+    result: Result, name: str, shown: Display, quantities: Sequence[Quantity], *, so_far: str
+) -> str:
     row = result.found
     if result.belief is not None:
         return (
@@ -84,8 +89,9 @@ def _unconfirmed(result: Result, name: str, shown: Display, *, so_far: str) -> s
     text = (
         f"The best design{so_far} has {_article(name)} {name} of {shown.full(row.value)} in one run"
     )
-    if math.isfinite(row.filling_time):
-        text += f" and a filling time of {display('s', row.filling_time).full(row.filling_time, 3)}"
+    for q in quantities:
+        if math.isfinite(row.quantity(q.name)):
+            text += f", {q.name} {Display(*q.shown).full(row.quantity(q.name), 3)}"
     return text + f" at level {row.level}; fresh seeds have not confirmed it."
 
 

@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 
 from mfopt.arrays import Array
+from mfopt.records.objective import Quantity
 from reports.campaign import Stage
 from reports.result import Result
 from reports.rows import Row
 from reports.sentence import at_bounds, interval_text, objective_name
 from reports.statistics import Comparison, median_interval
-from reports.units import MISSING, Display, design_display, display, number
+from reports.units import MISSING, Display, design_display, number
 
 PERCENT = Display(1.0, "%")
 
@@ -73,14 +74,17 @@ def _whole(value: float | None) -> str:
     return MISSING if value is None or value != value else f"{value:.0f}"
 
 
-def comparison_lines(result: Result, name: str, shown: Display) -> list[list[str]]:
+def comparison_lines(
+    result: Result, name: str, shown: Display, quantities: Sequence[Quantity]
+) -> list[list[str]]:
     """Quantity, best, baseline and reduction, each with its interval, for what was confirmed."""
     lines = []
     if result.objective is not None:
         lines.append(_comparison(f"{name} [{shown.unit}]", result.objective, shown))
-    if result.filling_time is not None:
-        ms = display("s", result.filling_time.best)
-        lines.append(_comparison(f"filling time [{ms.unit}]", result.filling_time, ms))
+    for q in quantities:
+        if q.name in result.quantities:
+            label, its = label_of(q), Display(*q.shown)
+            lines.append(_comparison(label, result.quantities[q.name], its))
     return lines
 
 
@@ -112,32 +116,48 @@ def belief_lines(result: Result, shown: Display) -> list[list[str]]:
     return lines
 
 
-def confirmations(result: Result, shown: Display, *, dosing: bool) -> list[list[str]]:
-    """Seed by seed the objective of best and baseline; for dosing more: time, grains left."""
+def label_of(quantity: Quantity) -> str:
+    """Name and unit of a quantity at the head of a column."""
+    return f"{quantity.name} [{quantity.shown[1]}]"
+
+
+def confirmations(
+    result: Result, shown: Display, quantities: Sequence[Quantity]
+) -> list[list[str]]:
+    """Seed by seed the objective of best and baseline, and their quantities."""
     best = {r.seed: r for r in result.confirmations}
     baseline = {r.seed: r for r in result.baseline}
-    cells = 3 if dosing else 1
     return [
-        [str(seed), *_run(best.get(seed), shown)[:cells], *_run(baseline.get(seed), shown)[:cells]]
+        [
+            str(seed),
+            *_run(best.get(seed), shown, quantities),
+            *_run(baseline.get(seed), shown, quantities),
+        ]
         for seed in sorted(best.keys() | baseline.keys())
     ]
 
 
-def _run(row: Row | None, shown: Display) -> list[str]:
+def _run(row: Row | None, shown: Display, quantities: Sequence[Quantity]) -> list[str]:
     if row is None:
-        return [MISSING] * 3
-    left = row.left_in_cup + row.left_in_hopper
-    return [shown.text(row.value), number(row.filling_time * 1e3, 3), _whole(left)]
+        return [MISSING] * (1 + len(quantities))
+    return [shown.text(row.value), *(text_of(row, q) for q in quantities)]
+
+
+def text_of(row: Row, quantity: Quantity) -> str:
+    """A quantity of a run, without its unit."""
+    return Display(*quantity.shown).text(row.quantity(quantity.name), 3)
 
 
 def best_solutions(
-    header: Mapping[str, Any], rows: Sequence[Row], shown: Display
+    header: Mapping[str, Any],
+    rows: Sequence[Row],
+    shown: Display,
+    quantities: Sequence[Quantity],
 ) -> list[tuple[str, str, list[str]]]:
     """Name, unit and one value per solution: its results first, then its variables."""
     lines = [
         (objective_name(header), shown.unit, [shown.text(r.value) for r in rows]),
-        ("filling time", "ms", [number(r.filling_time * 1e3, 3) for r in rows]),
-        ("grains left", MISSING, [_whole(r.left_in_cup + r.left_in_hopper) for r in rows]),
+        *((q.name, q.shown[1], [text_of(r, q) for r in rows]) for q in quantities),
         ("level", "", [r.level for r in rows]),
         ("generation", "", [str(r.generation) for r in rows]),
     ]  # fmt: skip

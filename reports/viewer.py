@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from reports.design import DesignView
+from mfopt.records.view import DesignView
 from reports.pictures import TRANSLUCENT, extent, part_colour
 
 

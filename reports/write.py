@@ -13,7 +13,7 @@ import numpy as np
 from mfopt.campaign.store import RunDirectory
 from mfopt.files.scratch import scratch
 from mfopt.files.whole import write_aside
-from reports.design import Describe, no_view
+from mfopt.records.view import Describe, no_view
 from reports.page import context
 
 HERE = Path(__file__).parent

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.engine.runs import Run
+from fidelity.scenes.dosing.objectives import paper_dispersion
 from mfopt.arrays import AnyArray, Array
-from mfopt.records.objective import paper_dispersion
 
 Raw = Mapping[str, AnyArray]
 

@@ -16,11 +16,13 @@ from benchmarks.engine.runs import Run
 from fidelity.engine import Engine, Movement, Physics
 from fidelity.grains.filling import Portion, filled
 from fidelity.grains.grain import portion_grain
+from fidelity.grains.settings import RICE, STEEL, DemSettings
+from fidelity.level import SceneLevel
 from fidelity.scenes.discharge import run as discharge
 from fidelity.scenes.discharge.run import DischargeSettings
 from fidelity.scenes.dosing.design import dosing_problem
-from fidelity.scenes.dosing.level import DosingLevel
-from fidelity.scenes.dosing.settings import RICE, STEEL, DemSettings, DosingSettings
+from fidelity.scenes.dosing.scene import Dosing
+from fidelity.scenes.dosing.settings import DosingSettings
 from fidelity.scenes.heap import run as heap
 from fidelity.scenes.heap.run import HeapSettings
 from fidelity.scenes.silo import run as silo
@@ -223,7 +225,8 @@ def _run_dosing(engine: Engine, engine_name: str, scene: str, grains: int, seed:
     values = dict(zip(problem.names, map(float, problem.baseline), strict=True))
     values.update(DESIGNS[scene.partition(":")[2]])
     # Each engine settles its own portion: the whole way to a result is compared.
-    level = DosingLevel("dosing", settings, DemSettings(grains=grains), engine, filler=engine)
+    dem = DemSettings(grains=grains)
+    level = SceneLevel("dosing", Dosing(settings), dem, engine, filler=engine)
     outcome = level.evaluate(np.array([values[name] for name in problem.names]), seed=seed)
     return Run(
         engine=engine_name,

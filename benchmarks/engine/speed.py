@@ -32,10 +32,11 @@ from fidelity.engines.numba import NumbaEngine
 from fidelity.engines.yade.engine import YadeEngine
 from fidelity.grains.filling import filled
 from fidelity.grains.packing import default_cache, settled_packing
+from fidelity.grains.settings import DemSettings
 from fidelity.scenes.discharge import run as discharge
 from fidelity.scenes.dosing.design import design, dosing_problem
-from fidelity.scenes.dosing.run import dosing_setup, packing_order, tally
-from fidelity.scenes.dosing.settings import DemSettings, DosingSettings
+from fidelity.scenes.dosing.run import cup_filling, dosing_setup, tally
+from fidelity.scenes.dosing.settings import DosingSettings
 from mfopt.errors import SimulationError
 
 FLOW_S = 0.1  # [s] of discharge, from a full hopper
@@ -145,7 +146,7 @@ def dosing_case(grains: int, young_modulus: float = 1e6) -> tuple[Setup, Callabl
     values = dict(zip(problem.names, map(float, problem.baseline), strict=True))
     values.update(DESIGNS[DESIGN])
     machine = design(settings, np.array([values[name] for name in problem.names]))
-    order = packing_order(settings, dem, 1)
+    order = cup_filling(settings, dem, 1)
     packing = settled_packing(NumbaEngine(), order, default_cache(), time_limit_s=TIME_LIMIT_S)
     setup = dosing_setup(settings, machine, order, packing.packing)
     return setup, lambda movement: len(tally(machine, setup, movement).passed)

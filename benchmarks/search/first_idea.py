@@ -22,11 +22,11 @@ import numpy as np
 
 from mfopt.arrays import Array, frozen
 from mfopt.campaign.phases import CONFIRM_SEED, FINALIST_SEED
-from mfopt.campaign.store import open_run
 from mfopt.records.level import Level
-from mfopt.records.objective import Objective, judged, objective_named, quantities
+from mfopt.records.objective import Objective, judged
 from mfopt.study.assemble import Assembled, assemble
 from mfopt.study.file import Study, read_study
+from mfopt.study.stored import open_stored
 
 CHOICE_SEED = 2_000_000  # on which the best simple motion is chosen
 RANDOM_SEED = 3_000_000  # of fillings that random search sees
@@ -48,7 +48,7 @@ class Machine:
         file = self.kept / f"{level.name}-{seed}-{hash_of(x)}.json"
         if not file.exists():
             outcome, f = judged(self.objective, level.evaluate(x, seed=seed))
-            asked = quantities(outcome.raw, self.study.problem.objective_settings) or {}
+            asked = self.parts.criteria.quantities_of(outcome)
             file.write_text(json.dumps({"objective": f, **asked}), encoding="utf-8")
         kept: Numbers = json.loads(file.read_text(encoding="utf-8"))
         return kept
@@ -75,7 +75,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parts = assemble(study, where=str(given.study))
     kept = given.out / "runs"
     kept.mkdir(parents=True, exist_ok=True)
-    objective = objective_named(study.problem.objective, study.problem.objective_settings)
+    objective = parts.criteria.objective(study.problem.objective)
     machine = Machine(study, parts, objective, kept)
     fresh = range(CONFIRM_SEED, CONFIRM_SEED + study.confirm.seeds)
     name, simple = best_simple(machine)
@@ -116,10 +116,10 @@ def confirmed(out: Path, text: str, study: Study, seed: int) -> list[Numbers]:
     done = subprocess.run(command, capture_output=True, text=True)
     if done.returncode:
         raise SystemExit(done.stderr)
-    settings = study.problem.objective_settings
+    its = open_stored(run)
     return [
-        {"objective": e.objective, **(quantities(e.outcome.raw, settings) or {})}
-        for e in open_run(run).evaluations()
+        {"objective": e.objective, **its.criteria.quantities_of(e.outcome)}
+        for e in its.evaluations()
         if e.candidate.purpose == "confirm best"
     ]
 

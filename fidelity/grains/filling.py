@@ -4,7 +4,8 @@ The same on every engine, so that a packing differs between engines only by how 
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,8 @@ from fidelity.engine import (
     Setup,
     Wall,
 )
-from fidelity.grains.portion import loose_portion
+from fidelity.grains.packing import Settled
+from fidelity.grains.portion import count_flaw, loose_portion
 from geometry.sections import Section
 from mfopt.arrays import IntArray, frozen
 from mfopt.errors import SimulationError
@@ -124,6 +126,34 @@ def filled(engine: Engine, setup: Setup, *, time_limit_s: float) -> tuple[Packin
     """
     movement = engine.move(setup, time_limit_s=time_limit_s)
     return settled(movement), movement
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rained:
+    """Grains that rain into a closed vessel and rest there with their full friction.
+
+    Implements `fidelity.grains.packing.Filling`.
+    """
+
+    setup: Setup  # a `settling_setup`
+
+    def described(self) -> dict[str, Any]:
+        """All that the packing depends on, besides the engine."""
+        return asdict(self.setup)
+
+    def settle(self, engine: Engine, time_limit_s: float) -> Settled:
+        """Fill the vessel.
+
+        Raises:
+            SimulationError: if the grains cannot be settled; the message says what happened.
+        """
+        packing, movement = filled(engine, self.setup, time_limit_s=time_limit_s)
+        return Settled(packing, movement.cpu_s, movement.sphere_steps * engine.cost_factor)
+
+    def flaw(self, packing: Packing) -> str | None:
+        """Why a packing from the cache cannot be used, or None."""
+        wanted = len(self.setup.packing.positions)
+        return count_flaw(packing, wanted)
 
 
 def rectangle(length: float, width: float, z: float) -> list[list[float]]:

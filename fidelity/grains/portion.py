@@ -127,12 +127,19 @@ def largest_overlap(grain: Grain, packing: Packing) -> float:
     return max(0.0, float(overlaps.max() / grain.radii.min()))
 
 
-def flaw(grain: Grain, section: Section, top: float, grains: int, packing: Packing) -> str | None:
-    """Why a packing in a cup with its floor at z = 0 cannot be used, or None."""
+def count_flaw(packing: Packing, grains: int) -> str | None:
+    """Why a packing is not one of so many grains, or None."""
     if len(packing.positions) != grains:
         return f"it holds {len(packing.positions)} grains instead of {grains}"
     if np.abs(np.linalg.norm(packing.orientations, axis=1) - 1).max() > 1e-6:
         return "it holds orientations that are no unit quaternions"
+    return None
+
+
+def flaw(grain: Grain, section: Section, top: float, grains: int, packing: Packing) -> str | None:
+    """Why a packing in a cup with its floor at z = 0 cannot be used, or None."""
+    if (why := count_flaw(packing, grains)) is not None:
+        return why
     centres, slack = sphere_centres(grain, packing), MOST_OVERLAP * float(grain.radii.min())
     depth = depth_in_section(section, centres[..., :2]) - grain.radii
     z = centres[..., 2]

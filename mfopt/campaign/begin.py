@@ -13,6 +13,7 @@ from mfopt.campaign.store import RunDirectory, create, open_run
 from mfopt.errors import ConfigError
 from mfopt.files.whole import disk_errors_named
 from mfopt.records.evaluation import Reference
+from mfopt.records.objective import OWN, Criteria
 
 LEAST_DISK = 100e6  # [bytes] a run of 1000 evaluations of 1000 grains takes about half
 
@@ -24,7 +25,14 @@ MEANING = (
 REMEDY = "resume with what it was begun with, or give another directory"
 
 
-def begin(path: Path, study: str, header: Mapping[str, Any], *, resume: bool) -> RunDirectory:
+def begin(
+    path: Path,
+    study: str,
+    header: Mapping[str, Any],
+    *,
+    resume: bool,
+    criteria: Criteria = OWN,
+) -> RunDirectory:
     """Create the run directory, or make sure that it holds this very run.
 
     A run that is there may have a smaller budget, fewer generations or fewer seeds of the
@@ -36,14 +44,15 @@ def begin(path: Path, study: str, header: Mapping[str, Any], *, resume: bool) ->
         study: text of the study file.
         header: what `mfopt.campaign.header.header` says of the run now.
         resume: go on with a run that is there.
+        criteria: how its runs are judged.
 
     Raises:
         ConfigError: if there is a run and `resume` is off, if it is another one than `header` says,
             or if it cannot be written.
     """
     if not (resume and os.path.lexists(path / "run.json")):
-        return create(path, study, header)
-    run, now = open_run(path), json.loads(json.dumps(header))
+        return create(path, study, header, criteria)
+    run, now = open_run(path, criteria), json.loads(json.dumps(header))
     found = list(differences(_meaning(run.header), _meaning(now)))
     if others := [difference for difference in found if not _grown(difference)]:
         raise ConfigError(f"{path} holds another run than the one given: {named(others)}; {REMEDY}")

@@ -9,7 +9,7 @@ from typing import Any
 
 from mfopt.campaign.phases import Starts
 from mfopt.records.level import Ladder
-from mfopt.records.objective import DEFAULTS, ObjectiveSettings
+from mfopt.records.objective import OWN, Criteria
 from mfopt.records.problem import Problem
 
 PACKAGES = ("numpy", "scipy", "cma", "h5py", "torch", "gpytorch")
@@ -23,7 +23,7 @@ def header(
     seed: int,
     method: str,
     objective: str,
-    objective_settings: ObjectiveSettings = DEFAULTS,
+    criteria: Criteria = OWN,
     workers: int,
     starts: Starts | None = None,
     levels: Sequence[Mapping[str, Any]] = (),
@@ -67,7 +67,7 @@ def header(
             for level, extra in zip(ladder, described, strict=True)
         ],
         "objective": objective,
-        "objective_settings": objective_settings.described(),
+        "objective_settings": dict(criteria.settings),
         "starts": {}
         if starts is None
         else {name: [float(value) for value in x] for name, x in starts.designs.items()},

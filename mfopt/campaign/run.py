@@ -26,14 +26,7 @@ from mfopt.campaign.phases import (
 from mfopt.campaign.store import RunDirectory
 from mfopt.records.evaluation import Candidate, Evaluation, Insight
 from mfopt.records.level import Ladder, Level
-from mfopt.records.objective import (
-    DEFAULTS,
-    Objective,
-    ObjectiveSettings,
-    judged,
-    missed,
-    objective_named,
-)
+from mfopt.records.objective import Objective, judged, missed
 from mfopt.records.outcome import Outcome
 from mfopt.records.problem import Problem
 from mfopt.search.search import Search
@@ -62,7 +55,6 @@ class _Loop:
     problem: Problem
     memory: Memory
     runner: Runner
-    settings: ObjectiveSettings
     window: int
     watch: Watch
     checked: Mapping[Run, Outcome]  # what the check of the levels has run
@@ -92,7 +84,7 @@ class _Loop:
         self, candidates: Sequence[Candidate], ladder: Ladder, objective_name: str
     ) -> list[Evaluation]:
         """Evaluate what is not in the run directory yet; all in the order given."""
-        objective = objective_named(objective_name, self.settings)
+        objective = self.memory.run.criteria.objective(objective_name)
         made = {
             c.index: found for c in candidates if (found := self.known(c, objective)) is not None
         }
@@ -116,7 +108,6 @@ def run_study(
     confirm_on: Ladder,
     confirm_seeds: int,
     objective: str = "returned",
-    objective_settings: ObjectiveSettings = DEFAULTS,
     checked: Sequence[Evaluation] = (),
     starts: Starts | None = None,
     finals: Finals = NO_FINALS,
@@ -143,7 +134,7 @@ def run_study(
         An evaluation of the best design, at the highest level that has one.
     """
     at_check = {run_of(problem, e.candidate): e.outcome for e in checked}
-    loop = _Loop(problem, Memory(run), runner, objective_settings, window, watch, at_check)
+    loop = _Loop(problem, Memory(run), runner, window, watch, at_check)
     try:
         loop.keep(checked)
         first = [] if starts is None else starts.candidates(len(checked))
@@ -155,7 +146,7 @@ def run_study(
             search.tell(
                 [e.candidate for e in told],
                 [e.objective for e in told],
-                missed(objective_named(objective, objective_settings), [e.outcome for e in told]),
+                missed(run.criteria.objective(objective), [e.outcome for e in told]),
             )
         made = [*before, *_search(search, loop, ladder, len(before))]
         top = ladder.top.name
@@ -203,7 +194,7 @@ def _search(search: Search, loop: _Loop, ladder: Ladder, first_index: int) -> li
             for its in asked:
                 candidate = replace(its, index=first_index + its.index)
                 out.append((its, candidate))
-                objectives[candidate.index] = objective_named(generation.objective, loop.settings)
+                objectives[candidate.index] = memory.run.criteria.objective(generation.objective)
                 found = loop.known(candidate, objectives[candidate.index])
                 if found is not None:
                     arrived[candidate.index] = found

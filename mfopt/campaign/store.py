@@ -34,7 +34,7 @@ from mfopt.files.array_file import as_text, digest, fit_hdf5, from_text, read_ar
 from mfopt.files.lock import held
 from mfopt.files.whole import ASIDE, disk_errors_named, write_aside
 from mfopt.records.evaluation import Candidate, Evaluation, Generation, Insight, Reference
-from mfopt.records.objective import ObjectiveSettings, objective_named, value
+from mfopt.records.objective import OWN, Criteria, value
 from mfopt.records.outcome import Outcome
 
 SAME_OBJECTIVE = 1e-9  # relative: another processor may add in another order
@@ -54,6 +54,7 @@ class RunDirectory:
 
     path: Path
     header: Mapping[str, Any]
+    criteria: Criteria = OWN  # how its runs are judged
     generations: list[Generation] = field(default_factory=list)
     insights: list[Insight] = field(default_factory=list)
     reference: Reference | None = None  # None if the study asks for none
@@ -137,12 +138,12 @@ class RunDirectory:
         return Evaluation(_candidate(stored), outcome, objective)
 
     def _check_objective(self, stored: Stored, outcome: Outcome, objective: float) -> None:
-        """Refuse an objective that is not what the outcome gives."""
+        """Refuse an objective that is not what the outcome gives, as far as the criteria say."""
         name = self._objectives.get(stored["generation"], self.header.get("objective"))
-        if name is None:
+        known = self.criteria.objectives.get(str(name))
+        if known is None:
             return
-        settings = ObjectiveSettings(**self.header.get("objective_settings", {}))
-        now = value(objective_named(name, settings), outcome)
+        now = value(known, outcome)
         if not math.isclose(now, objective, rel_tol=SAME_OBJECTIVE):
             raise ConfigError(
                 f"{self.path}: evaluation {stored['index']} is stored with the objective "
@@ -296,8 +297,10 @@ class RunDirectory:
             raise self._journal.damaged(line.number, str(error)) from error
 
 
-def create(path: Path, study: str, header: Mapping[str, Any]) -> RunDirectory:
-    """Start a run directory at `path` for the study text `study`.
+def create(
+    path: Path, study: str, header: Mapping[str, Any], criteria: Criteria = OWN
+) -> RunDirectory:
+    """Start a run directory at `path` for the study text `study`, judged by `criteria`.
 
     Raises:
         ConfigError: if there is a run already, or the directory cannot be written.
@@ -317,16 +320,18 @@ def create(path: Path, study: str, header: Mapping[str, Any]) -> RunDirectory:
     write_aside(path / "study.toml", study.encode())
     write_aside(journal, b"")
     write_aside(path / "run.json", json.dumps(header, indent=2).encode())
-    return RunDirectory(path, header)
+    return RunDirectory(path, header, criteria)
 
 
-def open_run(path: Path) -> RunDirectory:
-    """Open a finished, running or broken-off run directory.
+def open_run(path: Path, criteria: Criteria = OWN) -> RunDirectory:
+    """Open a finished, running or broken-off run directory, judged by `criteria`.
+
+    An objective that the criteria do not know is taken as it is stored.
 
     Raises:
         ConfigError: if there is no run, it is of another format, or what is there is damaged.
     """
-    run = RunDirectory(path, read_header(path / "run.json"))
+    run = RunDirectory(path, read_header(path / "run.json"), criteria)
     for line in run._journal.read():
         run._read(line)
     return run

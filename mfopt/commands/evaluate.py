@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from mfopt.commands.shared import FromRun, StudyFile, ValuesGiven, chosen_design
-from mfopt.records.objective import judged, objective_named
+from mfopt.records.objective import judged
 from mfopt.study.assemble import assemble, traced
 from mfopt.study.file import read_study
 
@@ -32,10 +32,10 @@ def evaluate(
     outcome = chosen.evaluate(x, seed=seed)
     terms = {}
     if outcome.finished:
-        objective = objective_named(study.problem.objective, study.problem.objective_settings)
+        objective = parts.criteria.objective(study.problem.objective)
         outcome, _ = judged(objective, outcome)
     if outcome.finished:
-        terms = objective(outcome.raw)
+        terms = objective.terms(outcome.raw)
     answer = {
         "design": parts.problem.named(x),
         "level": outcome.level,

@@ -5,9 +5,7 @@ from typing import Annotated
 
 import typer
 
-from fidelity.scenes.dosing.design import design, design_parts
 from geometry.export import write_gltf, write_stl
-from geometry.manufacturability import manufacturability
 from mfopt.commands.shared import FromRun, StudyFile, ValuesGiven, chosen_design, screen
 from mfopt.errors import ConfigError
 from mfopt.files.whole import full_disk_named
@@ -26,13 +24,11 @@ def geometry(
     study, _ = read_study(study_file)
     parts = assemble(study, where=str(study_file))
     x = chosen_design(parts.problem, settings or [], best_of)
-    if parts.dosing is None:
-        raise ConfigError(f'{study_file} has no geometry: it needs scene = "dosing"')
-    from geometry.step import write_step
-
+    if (scene := parts.scene) is None:
+        raise ConfigError(f"{study_file} has no geometry: it names no scene in [problem]")
     if (why := parts.problem.impossible(x)) is not None:
         raise ConfigError(f"this design cannot be built: {why}")
-    machine, meshes = design(parts.dosing, x), design_parts(parts.dosing, x)
+    meshes = scene.meshes(x)
     with full_disk_named(directory):
         directory.mkdir(parents=True, exist_ok=True)
         for name, mesh in meshes.items():
@@ -40,8 +36,7 @@ def geometry(
         write_gltf(directory / "machine.glb", meshes)
         wrote = [f"{', '.join(f'{name}.stl' for name in meshes)} in mm", "machine.glb in m"]
         if step:
-            write_step(directory / "hopper.step", machine.loft, machine.tube_end_z)
-            wrote.append("hopper.step in mm")
-    for sentence in manufacturability(machine.loft).sentences():
+            wrote.append(f"{scene.write_step(x, directory)} in mm")
+    for sentence in scene.view(x, None).notes:
         screen.print(sentence)
     screen.print(f"wrote to {directory}: {'; '.join(wrote)}")

@@ -58,7 +58,7 @@ def run(
         prepare_engines(study, parts, on)
         new = not os.path.lexists(path / "run.json")
         checked = started(study, parts, runner) if new else None  # before anything is written
-        into = begin(path, text, now, resume=resume)
+        into = begin(path, text, now, resume=resume, criteria=parts.criteria)
         _begin_reference(into, parts, on)
         made, ended = into.made, into.end
         if into.kept:
@@ -76,7 +76,6 @@ def run(
                 confirm_on=parts.confirm_on,
                 confirm_seeds=study.confirm.seeds,
                 objective=study.problem.objective,
-                objective_settings=study.problem.objective_settings,
                 checked=checked.evaluations,
                 starts=parts.starts,
                 finals=study.confirm.finals,
@@ -86,7 +85,7 @@ def run(
             )
         if ended is not None and into.made == made:
             on.print(f"nothing was left to do: {ended}")
-        write_reports(path, study, on)
+        write_reports(into, on)
     print_result(path, on, as_json=as_json)
     own, simulators = display.cpu()
     on.print(f"mfopt itself took {own:.1f} s of CPU, {own / (own + simulators):.1%} of all")
@@ -198,7 +197,7 @@ def _header(study: Study, parts: Assembled, workers: int) -> dict[str, Any]:
         seed=study.study.seed,
         method=study.search.method,
         objective=study.problem.objective,
-        objective_settings=study.problem.objective_settings,
+        criteria=parts.criteria,
         starts=parts.starts,
         workers=workers,
         levels=parts.described,
@@ -212,6 +211,7 @@ def _settings(study: Study, parts: Assembled) -> dict[str, Any]:
     its = study.model_dump(mode="json", include={"problem", "level", "search", "confirm"})
     del its["confirm"]["reference"]  # may be there later
     its["level"] = [level_settings(t, "level").model_dump(mode="json") for t in study.level]
-    if parts.dosing is not None:
-        its["problem"]["dosing"] = parts.dosing.model_dump(mode="json")
+    if (scene := parts.scene) is not None:
+        wanted = scene.wanted.model_dump(mode="json")
+        its["problem"] |= {**wanted, scene.name: scene.settings.model_dump(mode="json")}
     return its

@@ -13,11 +13,11 @@ import typer
 from rich.console import Console
 
 from mfopt.arrays import Array, frozen
-from mfopt.campaign.store import open_run
 from mfopt.errors import ConfigError, MfoptError
 from mfopt.records.outcome import plain
 from mfopt.records.problem import Problem
 from mfopt.settings import nearest
+from mfopt.study.stored import open_stored
 
 
 def console(*, quiet: bool = False) -> Console:
@@ -112,7 +112,7 @@ def chosen_design(problem: Problem, settings: list[str], best_of: Path | None) -
 def _best_design(path: Path, problem: Problem) -> Array:
     from reports.answer import found_in
 
-    run = open_run(path)
+    run = open_stored(path)
     _, found = found_in(run)
     if found is None:
         raise ConfigError(f"{path} has no finished run yet")

@@ -6,8 +6,8 @@ from pathlib import Path
 import typer
 from rich.console import Console
 
-from mfopt.campaign.store import open_run
 from mfopt.commands.shared import AsJson, RunPath, screen
+from mfopt.study.stored import open_stored
 
 
 def status(path: RunPath, as_json: AsJson = False) -> None:
@@ -20,6 +20,6 @@ def print_result(path: Path, on: Console, *, as_json: bool) -> None:
     from reports.answer import answer, as_text
 
     if as_json:
-        typer.echo(json.dumps(answer(open_run(path)), indent=2))
+        typer.echo(json.dumps(answer(open_stored(path)), indent=2))
     else:
-        on.print(as_text(open_run(path)))
+        on.print(as_text(open_stored(path)))

@@ -8,7 +8,7 @@ from mfopt.campaign.check import Checked, Recall, check_levels
 from mfopt.campaign.cluster import dask_cluster
 from mfopt.campaign.executor import Runner
 from mfopt.campaign.local_workers import local_processes
-from mfopt.records.objective import judged, objective_named
+from mfopt.records.objective import judged
 from mfopt.study.assemble import Assembled
 from mfopt.study.file import Study
 
@@ -40,7 +40,7 @@ def started(
     Raises:
         SimulationError: if a level cannot run.
     """
-    objective = objective_named(study.problem.objective, study.problem.objective_settings)
+    objective = parts.criteria.objective(study.problem.objective)
     return check_levels(
         parts.ladder,
         parts.problem.baseline,

@@ -11,21 +11,22 @@ from fidelity.engine import Engine
 from fidelity.engines.bullet.engine import BulletEngine
 from fidelity.engines.numba import NumbaEngine
 from fidelity.engines.yade.engine import YadeEngine
+from fidelity.grains.settings import DemSettings
+from fidelity.level import SceneLevel
 from fidelity.programs.command import CommandLevel
-from fidelity.scenes.dosing.design import dosing_problem, starting_designs
-from fidelity.scenes.dosing.level import DosingLevel
-from fidelity.scenes.dosing.reduced import ReducedDosing
-from fidelity.scenes.dosing.settings import DemSettings, DosingSettings
+from fidelity.scene import Scene
+from fidelity.scenes.dosing.scene import Dosing
 from mfopt.arrays import frozen
 from mfopt.campaign.phases import Starts
 from mfopt.errors import ConfigError
 from mfopt.limits import Grains, Name, TimeLimit, Word, Work
 from mfopt.records.evaluation import Reference
 from mfopt.records.level import Ladder, Level
+from mfopt.records.objective import OWN, Criteria
 from mfopt.records.problem import Problem, Variable
 from mfopt.search.search import rungs
 from mfopt.search.swap import check_pair
-from mfopt.settings import Settings, checked
+from mfopt.settings import Settings, checked, nearest
 from mfopt.study.file import ProblemSettings, Study
 
 START_SHARE = 0.25  # of the budget that simple motions may cost, where one seed each allows it
@@ -33,6 +34,9 @@ START_SEEDS = 3  # on which simple motions are compared, if the search has so ma
 SNAPSHOTS = 4  # moments of the best run that the report shows
 
 Precision = Literal["double", "longdouble", "float128"]
+# Every scene is a line here.
+SCENES: Mapping[str, type[Scene]] = {kind.name: kind for kind in (Dosing,)}
+
 DemName = Literal["numba", "yade", "bullet"]
 DEM_NAMES = get_args(DemName)
 
@@ -70,7 +74,8 @@ class Assembled:
     problem: Problem
     ladder: Ladder
     confirm_on: Ladder  # the same levels, with snapshots of the grains
-    dosing: DosingSettings | None  # None for a problem of the user's own
+    scene: Scene | None  # None for a problem of the user's own
+    criteria: Criteria  # how its runs are judged
     described: tuple[Mapping[str, Any], ...]  # per level: engine, grains, spheres_per_grain
     versions: Mapping[str, str]  # of the engines
     starts: Starts | None  # designs that the search may start from; None: the baseline alone
@@ -85,7 +90,7 @@ class Assembled:
     @property
     def uses_numba(self) -> bool:
         """Whether a run may call the compiled engine, be it only to fill the cup."""
-        return any(isinstance(level, DosingLevel) for level in self.ladder)
+        return any(isinstance(level, SceneLevel) for level in self.ladder)
 
 
 def assemble(study: Study, *, where: str) -> Assembled:
@@ -98,22 +103,24 @@ def assemble(study: Study, *, where: str) -> Assembled:
     Raises:
         ConfigError: if a table is wrong, or an engine is not installed.
     """
-    dosing = _dosing(study.problem, where)
-    problem = dosing_problem(dosing) if dosing else _own_problem(study.problem, where)
+    scene = scene_of(study.problem, where)
+    problem = scene.problem() if scene else _own_problem(study.problem, where)
+    criteria = scene.criteria() if scene else OWN
+    _check_objectives(study, criteria, where)
     _check_exchange(study, problem, where)
     made = [
-        _level(table, dosing, problem, f"{where}: level {number}")
+        _level(table, scene, problem, f"{where}: level {number}")
         for number, table in enumerate(study.level, start=1)
     ]
     levels = tuple(level for level, _ in made)
     detailed = tuple(
-        replace(level, snapshots=SNAPSHOTS) if isinstance(level, DosingLevel) else level
+        replace(level, snapshots=SNAPSHOTS) if isinstance(level, SceneLevel) else level
         for level in levels
     )
     versions = {
         engine.name: engine.version()
         for level in levels
-        if isinstance(level, DosingLevel)
+        if isinstance(level, SceneLevel)
         for engine in (level.engine, level.filler)
     }
     described = tuple(description for _, description in made)
@@ -122,17 +129,18 @@ def assemble(study: Study, *, where: str) -> Assembled:
         _check_order(ladder, problem, where)
     reference, reference_level = _reference(study, ladder, f"{where}: confirm.reference")
     return Assembled(
-        problem, ladder, Ladder(detailed), dosing, described, versions,
-        None if dosing is None else _starts(study, problem, ladder), reference, reference_level,
+        problem, ladder, Ladder(detailed), scene, criteria, described, versions,
+        None if scene is None else _starts(study, scene, problem, ladder), reference,
+        reference_level,
     )  # fmt: skip
 
 
-def _starts(study: Study, problem: Problem, ladder: Ladder) -> Starts | None:
-    """The simple motions of a dosing study, compared at its first level with grains."""
-    designs = starting_designs(problem)
+def _starts(study: Study, scene: Scene, problem: Problem, ladder: Ladder) -> Starts | None:
+    """The designs that an engineer would try first, compared at the first level with grains."""
+    designs = scene.starts(problem)
     if len(designs) == 1:
         return None
-    level = next((level for level in ladder if isinstance(level, DosingLevel)), ladder.levels[0])
+    level = next((level for level in ladder if isinstance(level, SceneLevel)), ladder.levels[0])
     seeds = min(study.search.seeds, START_SEEDS)
     if (budget := study.search.budget) is not None:
         work = len(designs) * level.work(problem.baseline)
@@ -155,23 +163,54 @@ def _check_exchange(study: Study, problem: Problem, where: str) -> None:
         raise ConfigError(f"{where}: search: {error}") from error
 
 
-def _dosing(settings: ProblemSettings, where: str) -> DosingSettings | None:
+def scene_of(settings: ProblemSettings, where: str) -> Scene | None:
+    """The scene that a study names, with its settings; None for a problem of the user's own.
+
+    Raises:
+        ConfigError: if there is no such scene, or a key is wrong.
+    """
     if settings.scene is None:
-        if settings.dosing:
-            raise ConfigError(f'{where}: [problem.dosing] needs scene = "dosing" in [problem]')
+        _refuse_others(settings, where)
         return None
+    if settings.scene not in SCENES:
+        raise ConfigError(
+            f"{where}: problem.scene = {settings.scene!r} must be one of {_listed(tuple(SCENES))}"
+        )
+    kind = SCENES[settings.scene]
     if settings.variable:
         raise ConfigError(
-            f"{where}: a scene brings its own variables; free them in [problem.dosing.free] "
+            f"{where}: a scene brings its own variables; free them in [problem.{kind.name}.free] "
             "instead of [[problem.variable]]"
         )
-    return checked(DosingSettings, settings.dosing, where=f"{where}: problem.dosing")
+    wanted = settings.others
+    own = wanted.pop(kind.name, {})
+    if not isinstance(own, Mapping):
+        raise ConfigError(f"{where}: problem.{kind.name} = {own!r} must be a table")
+    return kind.read(own, wanted, where)
+
+
+def _refuse_others(settings: ProblemSettings, where: str) -> None:
+    for key in settings.others:
+        if key in SCENES:
+            raise ConfigError(f"{where}: [problem.{key}] needs scene = {key!r} in [problem]")
+        known = [*ProblemSettings.model_fields, *SCENES]
+        raise ConfigError(f"{where}: unknown key 'problem.{key}'{nearest(key, known)}")
+
+
+def _check_objectives(study: Study, criteria: Criteria, where: str) -> None:
+    """Refuse objectives that the problem does not have."""
+    staged = [stage.objective for stage in study.search.stage if stage.objective is not None]
+    for name in (study.problem.objective, *staged):
+        try:
+            criteria.objective(name)
+        except ConfigError as error:
+            raise ConfigError(f"{where}: {error}") from error
 
 
 def _own_problem(settings: ProblemSettings, where: str) -> Problem:
     if not settings.variable:
         raise ConfigError(
-            f'{where}: the problem has no variables; give scene = "dosing" or [[problem.variable]]'
+            f"{where}: the problem has no variables; give a scene or [[problem.variable]]"
         )
     variables = tuple(Variable(v.name, v.lower, v.upper, v.unit) for v in settings.variable)
     start = [(v.lower + v.upper) / 2.0 if v.start is None else v.start for v in settings.variable]
@@ -179,7 +218,7 @@ def _own_problem(settings: ProblemSettings, where: str) -> Problem:
 
 
 def _level(
-    table: Mapping[str, Any], dosing: DosingSettings | None, problem: Problem, where: str
+    table: Mapping[str, Any], scene: Scene | None, problem: Problem, where: str
 ) -> tuple[Level, Mapping[str, Any]]:
     settings = level_settings(table, where)
     match settings:
@@ -194,14 +233,14 @@ def _level(
             level.check()
             return level, {"engine": "command"}
         case ReducedLevelSettings():
-            scene = _needs_dosing(dosing, settings.engine, where)
-            return (
-                ReducedDosing(settings.name, scene, settings.grains),
-                {"engine": "reduced", "grains": settings.grains},
-            )
+            reduced = _needs_scene(scene, where).reduced(settings.name, settings.grains)
+            if reduced is None:
+                raise ConfigError(
+                    f"{where}: the scene has no reduced model; choose one of {_listed(DEM_NAMES)}"
+                )
+            return reduced, {"engine": "reduced", "grains": settings.grains}
         case DemLevelSettings():
-            scene = _needs_dosing(dosing, str(settings.engine), where)
-            return _dosing_level(settings, scene, where)
+            return _scene_level(settings, _needs_scene(scene, where), where)
 
 
 def level_settings(
@@ -226,8 +265,8 @@ def level_settings(
             )
 
 
-def drawn(study: Study, *, where: str) -> tuple[DosingSettings, DemSettings | None] | None:
-    """The machine of a study and the grains of its target level, as far as a picture needs them.
+def drawn(study: Study, *, where: str) -> tuple[Scene, DemSettings | None] | None:
+    """The scene of a study and the grains of its target level, as far as a picture needs them.
 
     No engine is asked for, so that a run can be looked at where its engine is not installed.
 
@@ -237,23 +276,23 @@ def drawn(study: Study, *, where: str) -> tuple[DosingSettings, DemSettings | No
     Raises:
         ConfigError: if a table is wrong.
     """
-    dosing = _dosing(study.problem, where)
-    if dosing is None:
+    scene = scene_of(study.problem, where)
+    if scene is None:
         return None
     target = level_settings(study.level[-1], f"{where}: level {len(study.level)}")
-    return dosing, target if isinstance(target, DemLevelSettings) else None
+    return scene, target if isinstance(target, DemLevelSettings) else None
 
 
-def _dosing_level(
-    settings: DemLevelSettings, dosing: DosingSettings, where: str
-) -> tuple[DosingLevel, Mapping[str, Any]]:
+def _scene_level(
+    settings: DemLevelSettings, scene: Scene, where: str
+) -> tuple[SceneLevel, Mapping[str, Any]]:
     names = settings.engine if isinstance(settings.engine, list) else [settings.engine]
     try:
         engine = _first_installed([_engine(name, settings.precision) for name in names])
     except ConfigError as error:
         raise ConfigError(f"{where}: {error}") from error
     numerics = {name: getattr(settings, name) for name in DemSettings.model_fields}
-    level = DosingLevel(settings.name, dosing, DemSettings(**numerics), engine)
+    level = SceneLevel(settings.name, scene, DemSettings(**numerics), engine)
     return level, {
         "engine": engine.name,
         "grains": settings.grains,
@@ -293,8 +332,8 @@ def _reference(study: Study, ladder: Ladder, where: str) -> tuple[Reference | No
     return Reference(level.name, engine.name, engine.version()), level
 
 
-def _on_grains(top: Level, names: Sequence[str], where: str) -> DosingLevel:
-    if not isinstance(top, DosingLevel):
+def _on_grains(top: Level, names: Sequence[str], where: str) -> SceneLevel:
+    if not isinstance(top, SceneLevel):
         raise ConfigError(
             f"{where} = {', '.join(names)}: the target level {top.name!r} has no grains that such "
             'an engine could move; give scene = "dosing" in [problem] and a target level on '
@@ -323,10 +362,13 @@ def _engine(name: DemName, precision: Precision) -> Engine:
             return BulletEngine()
 
 
-def _needs_dosing(dosing: DosingSettings | None, engine: str, where: str) -> DosingSettings:
-    if dosing is None:
-        raise ConfigError(f'{where}: engine {engine!r} needs scene = "dosing" in [problem]')
-    return dosing
+def _needs_scene(scene: Scene | None, where: str) -> Scene:
+    if scene is None:
+        raise ConfigError(
+            f"{where}: its engine moves grains, and [problem] names no scene; give scene = one of "
+            f"{_listed(tuple(SCENES))}, or an engine 'command'"
+        )
+    return scene
 
 
 def traced(level: Level, directory: Path) -> Level:
@@ -335,6 +377,6 @@ def traced(level: Level, directory: Path) -> Level:
     Raises:
         ConfigError: if the level's engine cannot.
     """
-    if not (isinstance(level, DosingLevel) and isinstance(level.engine, YadeEngine)):
+    if not (isinstance(level, SceneLevel) and isinstance(level.engine, YadeEngine)):
         raise ConfigError(f"level {level.name!r} writes no trace; choose one on the engine yade")
     return replace(level, engine=replace(level.engine, trace=directory))

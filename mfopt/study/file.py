@@ -5,7 +5,7 @@ import tomllib
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
 from mfopt.campaign.phases import Finals
 from mfopt.errors import ConfigError
@@ -18,7 +18,6 @@ from mfopt.limits import (
     ConfirmSeeds,
     FileName,
     Generations,
-    Milliseconds,
     Name,
     PopulationSize,
     SearchSeeds,
@@ -26,7 +25,6 @@ from mfopt.limits import (
     Sigma,
     Workers,
 )
-from mfopt.records.objective import LAST_GRAINS_IGNORED, ObjectiveSettings, objective_named
 from mfopt.search.search import Reevaluate, Stage
 from mfopt.settings import Settings, checked, nearest
 
@@ -158,25 +156,23 @@ class VariableSettings(Settings):
 
 
 class ProblemSettings(Settings):
-    """The scene, or the variables of a problem of the user's own."""
+    """The scene, or the variables of a problem of the user's own.
 
-    scene: Literal["dosing"] | None = None
+    The scene checks its own table, which has its name, and all other keys: what the study wants of
+    its objectives.
+    """
+
+    model_config = ConfigDict(extra="allow")
+
+    scene: str | None = None
     objective: str
     objective_unit: Name = "-"
-    # Of which the paper counts; the spread leaves out the last 20, and needs some to be left.
-    reference_grains: int = Field(default=4600, gt=LAST_GRAINS_IGNORED, le=10**9)
-    filling_time_limit_ms: Milliseconds | None = None
-    filling_time_weight: float = Field(default=0.5, ge=0.0, le=1e9)  # of a second above the limit
-    dosing: dict[str, Any] = Field(default_factory=dict)
     variable: list[VariableSettings] = Field(default_factory=list, max_length=MOST_VARIABLES)
 
     @property
-    def objective_settings(self) -> ObjectiveSettings:
-        """What the study changes about its objective."""
-        limit = self.filling_time_limit_ms
-        return ObjectiveSettings(
-            self.reference_grains, None if limit is None else 1e-3 * limit, self.filling_time_weight
-        )
+    def others(self) -> dict[str, Any]:
+        """The keys that are the scene's."""
+        return dict(self.model_extra or {})
 
 
 class Study(Settings):
@@ -252,6 +248,3 @@ def _check_levels(study: Study, where: str) -> None:
                 f"{where}: search.stage names level {stage.level!r}, which the ladder lacks"
                 f"{nearest(stage.level, names)}"
             )
-        if stage.objective is not None:
-            objective_named(stage.objective)
-    objective_named(study.problem.objective)

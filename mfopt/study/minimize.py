@@ -24,7 +24,7 @@ from mfopt.errors import ConfigError
 from mfopt.files.scratch import scratch
 from mfopt.records.evaluation import Evaluation
 from mfopt.records.level import Ladder, Level
-from mfopt.records.objective import judged, objective_named
+from mfopt.records.objective import RETURNED, judged
 from mfopt.records.problem import Constraint, Problem, Variable
 from mfopt.search.assisted import AssistedCmaEs
 from mfopt.search.cmaes import CmaEs
@@ -165,7 +165,7 @@ def _started(ladder: Ladder, x: Array, runner: Runner, run: RunDirectory) -> tup
     Raises:
         SimulationError: if the first runs of a level all fail.
     """
-    judge = partial(judged, objective_named("returned"))
+    judge = partial(judged, RETURNED)
     return check_levels(ladder, x, runner, judge, recall=Memory(run).recall).evaluations
 
 

@@ -9,7 +9,7 @@ import pytest
 import mfopt.study.assemble as assembly
 from fidelity.engines.numba import NumbaEngine
 from fidelity.engines.yade.engine import YadeEngine
-from fidelity.scenes.dosing.level import DosingLevel
+from fidelity.level import SceneLevel
 from mfopt.errors import ConfigError
 from mfopt.settings import checked
 from mfopt.study.assemble import Assembled, assemble
@@ -65,8 +65,8 @@ def test_a_study_without_a_reference_has_none() -> None:
 def test_the_reference_is_the_top_level_but_for_its_engine() -> None:
     parts = assembled("yade")
     top, reference = parts.ladder.top, parts.reference_level
-    assert isinstance(top, DosingLevel)
-    assert isinstance(reference, DosingLevel)
+    assert isinstance(top, SceneLevel)
+    assert isinstance(reference, SceneLevel)
     assert reference.dem == top.dem
     assert reference.settings == top.settings
     assert reference.dem.young_modulus_pa == 2e6
@@ -89,7 +89,7 @@ def test_the_reference_is_no_level_of_the_ladder() -> None:
 @pytest.mark.usefixtures("any_yade")
 def test_the_precision_of_the_top_level_is_kept() -> None:
     reference = assembled("yade", {**TOP, "precision": "longdouble"}).reference_level
-    assert isinstance(reference, DosingLevel)
+    assert isinstance(reference, SceneLevel)
     assert reference.engine.name == "yade-longdouble"
 
 
@@ -117,7 +117,7 @@ def test_an_engine_does_not_confirm_itself() -> None:
     assert parts.reference is not None
     assert parts.reference.why_not == "the target level runs on yade itself"
     other = assembled(["yade", "numba"], {**TOP, "engine": "yade"}).reference_level
-    assert isinstance(other, DosingLevel)
+    assert isinstance(other, SceneLevel)
     assert isinstance(other.engine, NumbaEngine)
 
 

@@ -22,9 +22,10 @@ from benchmarks.engine.small_scenes import (
 from fidelity.engine import BodyForce, ContactLaw, Physics, Setup, Wall
 from fidelity.engines.numba import NumbaEngine
 from fidelity.grains.portion import loose_portion
+from fidelity.grains.settings import DemSettings
 from fidelity.scenes.dosing.design import design, dosing_problem
-from fidelity.scenes.dosing.run import dosing_setup, packing_order
-from fidelity.scenes.dosing.settings import DemSettings, DosingSettings
+from fidelity.scenes.dosing.run import cup_filling, dosing_setup
+from fidelity.scenes.dosing.settings import DosingSettings
 
 MU = 0.5
 LAWS: tuple[ContactLaw, ...] = ("linear", "hertz")
@@ -169,7 +170,7 @@ def test_a_step_that_is_too_long_is_told() -> None:
 def test_the_balance_closes_where_grains_slide_over_curved_walls() -> None:
     # There contacts share their stiffness, and shares come and go from step to step.
     settings, dem = DosingSettings(), DemSettings(grains=150)
-    order = packing_order(settings, dem, 1)
+    order = cup_filling(settings, dem, 1)
     packing = loose_portion(order.grain, order.cup.section, 150, 1, chordal_error=1e-3)
     machine = design(settings, dosing_problem(settings).baseline)
     setup = dosing_setup(settings, machine, order, packing)

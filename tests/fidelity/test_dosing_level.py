@@ -8,10 +8,11 @@ from engine_scenes import ENGINES
 from fidelity.engine import Engine
 from fidelity.engines.bullet.engine import BulletEngine
 from fidelity.engines.yade.engine import YadeEngine
+from fidelity.grains.settings import DemSettings
+from fidelity.level import SceneLevel
 from fidelity.scenes.dosing.bound import filling_time_bound
 from fidelity.scenes.dosing.design import design, dosing_problem
-from fidelity.scenes.dosing.level import DosingLevel
-from fidelity.scenes.dosing.settings import DemSettings, DosingSettings
+from fidelity.scenes.dosing.settings import DosingSettings
 from mfopt.arrays import Array
 from mfopt.campaign.check import Probed
 from mfopt.records.objective import dispersion
@@ -43,7 +44,7 @@ def accounted(outcome: Outcome) -> bool:
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_slow_cup_empties_into_the_bag(engine: Engine, cache: Path) -> None:
-    level = DosingLevel("coarse", SETTINGS, DEM, engine, cache, snapshots=2)
+    level = SceneLevel("coarse", Dosing(SETTINGS), DEM, engine, cache, snapshots=2)
     outcome = level.evaluate(SLOW, seed=0)
     raw = outcome.raw
     assert outcome.finished, outcome.why
@@ -63,7 +64,10 @@ def test_slow_cup_empties_into_the_bag(engine: Engine, cache: Path) -> None:
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_every_grain_is_accounted_for_at_random_designs(engine: Engine, cache: Path) -> None:
-    rng, level = np.random.default_rng(5), DosingLevel("coarse", SETTINGS, DEM, engine, cache)
+    rng, level = (
+        np.random.default_rng(5),
+        SceneLevel("coarse", Dosing(SETTINGS), DEM, engine, cache),
+    )
     tried = 0
     while tried < 2:
         x = PROBLEM.to_x(rng.random(PROBLEM.dimension))
@@ -82,7 +86,7 @@ def test_every_grain_is_accounted_for_at_random_designs(engine: Engine, cache: P
 @pytest.mark.parametrize("engine", ENGINES)
 def test_same_seed_gives_the_same_outcome_bit_for_bit(engine: Engine, tmp_path: Path) -> None:
     dem = DEM.model_copy(update={"grains": 40, "spheres_per_grain": 1})
-    level = DosingLevel("coarsest", SETTINGS, dem, engine, tmp_path)
+    level = SceneLevel("coarsest", Dosing(SETTINGS), dem, engine, tmp_path)
     first, again = (level.evaluate(SLOW, seed=3) for _ in range(2))
     assert np.array_equal(first.raw["passage_times"], again.raw["passage_times"])
     assert float(first.raw["settling_work"]) > 0
@@ -91,7 +95,7 @@ def test_same_seed_gives_the_same_outcome_bit_for_bit(engine: Engine, tmp_path: 
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_the_first_steps_cost_their_share(engine: Engine, cache: Path) -> None:
-    level = DosingLevel("coarse", SETTINGS, DEM, engine, cache, snapshots=2)
+    level = SceneLevel("coarse", Dosing(SETTINGS), DEM, engine, cache, snapshots=2)
     outcome = level.probe(SLOW, seed=0, share=0.1)
     assert outcome.finished, outcome.why
     assert isinstance(level, Probed)
@@ -100,15 +104,15 @@ def test_the_first_steps_cost_their_share(engine: Engine, cache: Path) -> None:
 
 
 def test_first_steps_that_cannot_be_run_are_a_failed_run(tmp_path: Path) -> None:
-    level = DosingLevel("coarse", SETTINGS, DEM, BulletEngine(), tmp_path)
+    level = SceneLevel("coarse", Dosing(SETTINGS), DEM, BulletEngine(), tmp_path)
     assert level.probe(with_values(r1=45.0, w1=60.0), seed=0, share=0.1).status == "invalid_design"
-    one = DosingLevel("one", SETTINGS, DEM.model_copy(update={"grains": 1, "spheres_per_grain": 5}),
+    one = SceneLevel("one", Dosing(SETTINGS), DEM.model_copy(update={"grains": 1, "spheres_per_grain": 5}),
                       BulletEngine(), tmp_path)  # fmt: skip
     assert one.probe(SLOW, seed=0, share=0.1).status == "crashed"
 
 
 def test_impossible_design_is_not_simulated(tmp_path: Path) -> None:
-    level = DosingLevel("coarse", SETTINGS, DEM, BulletEngine(), tmp_path / "cache")
+    level = SceneLevel("coarse", Dosing(SETTINGS), DEM, BulletEngine(), tmp_path / "cache")
     outcome = level.evaluate(with_values(w1=60.0, r1=45.0), seed=0)
     assert outcome.status == "invalid_design"
     assert "radius" in (outcome.why or "")
@@ -118,7 +122,9 @@ def test_impossible_design_is_not_simulated(tmp_path: Path) -> None:
 
 def test_portion_that_does_not_fit_is_a_failed_run(tmp_path: Path) -> None:
     dem = DEM.model_copy(update={"grains": 1, "spheres_per_grain": 5})
-    outcome = DosingLevel("one", SETTINGS, dem, BulletEngine(), tmp_path).evaluate(SLOW, seed=0)
+    outcome = SceneLevel("one", Dosing(SETTINGS), dem, BulletEngine(), tmp_path).evaluate(
+        SLOW, seed=0
+    )
     assert outcome.status == "crashed"
     assert "use more grains" in (outcome.why or "")
 
@@ -126,7 +132,7 @@ def test_portion_that_does_not_fit_is_a_failed_run(tmp_path: Path) -> None:
 def test_work_grows_with_grains_and_with_stiffness() -> None:
     def work(**changes: object) -> float:
         dem = DEM.model_copy(update=changes)
-        return DosingLevel("any", SETTINGS, dem, YadeEngine()).work(SLOW)
+        return SceneLevel("any", Dosing(SETTINGS), dem, YadeEngine()).work(SLOW)
 
     # Steps go with 1 / radius: 8 times the grains are 16 times the work.
     assert work(grains=800) / work(grains=100) == pytest.approx(16, rel=1e-9)
@@ -134,5 +140,5 @@ def test_work_grows_with_grains_and_with_stiffness() -> None:
 
 
 def test_level_can_be_sent_to_another_process() -> None:
-    level = DosingLevel("coarse", SETTINGS, DEM, BulletEngine())
+    level = SceneLevel("coarse", Dosing(SETTINGS), DEM, BulletEngine())
     assert pickle.loads(pickle.dumps(level)) == level

@@ -6,15 +6,16 @@ from scene_portions import movement_to
 
 from fidelity.engine import Packing, Setup
 from fidelity.grains.portion import loose_portion, sphere_centres
+from fidelity.grains.settings import DemSettings
 from fidelity.scenes.dosing.design import design, dosing_problem
-from fidelity.scenes.dosing.run import COLLAR, dosing_grain, dosing_setup, packing_order, tally
-from fidelity.scenes.dosing.settings import DemSettings, DosingSettings
+from fidelity.scenes.dosing.run import COLLAR, cup_filling, dosing_grain, dosing_setup, tally
+from fidelity.scenes.dosing.settings import DosingSettings
 
 SETTINGS = DosingSettings()
 PROBLEM = dosing_problem(SETTINGS)
 MACHINE = design(SETTINGS, PROBLEM.baseline)
 DEM = DemSettings(grains=20, spheres_per_grain=3)
-ORDER = packing_order(SETTINGS, DEM, seed=0)
+ORDER = cup_filling(SETTINGS, DEM, seed=0)
 
 
 def loose() -> Packing:
@@ -100,7 +101,7 @@ def test_portion_weighs_the_same_at_every_level() -> None:
 def test_chordal_error_follows_the_grain_unless_given() -> None:
     given = dataclasses.replace(ORDER, chordal_error=5e-4)
     dem = DemSettings(grains=20, spheres_per_grain=3, chordal_error_mm=0.5)
-    assert packing_order(SETTINGS, dem, 0).chordal_error == pytest.approx(given.chordal_error)
+    assert cup_filling(SETTINGS, dem, 0).chordal_error == pytest.approx(given.chordal_error)
     assert ORDER.chordal_error == pytest.approx(0.25 * ORDER.grain.radii[0])
 
 

@@ -9,9 +9,10 @@ import pytest
 from numba.core.event import install_listener
 
 from fidelity.engines.numba import NumbaEngine, first_only, prepare
+from fidelity.grains.settings import DemSettings
+from fidelity.level import SceneLevel
 from fidelity.scenes.dosing.design import dosing_problem
-from fidelity.scenes.dosing.level import DosingLevel
-from fidelity.scenes.dosing.settings import DemSettings, DosingSettings
+from fidelity.scenes.dosing.settings import DosingSettings
 
 
 def kernel() -> dict[str, list[object]]:
@@ -29,7 +30,7 @@ def test_after_preparing_a_dosing_run_compiles_nothing(tmp_path: Path) -> None:
     prepare()
     before = kernel()
     settings, dem = DosingSettings(), DemSettings(grains=60)
-    level = DosingLevel("l", settings, dem, NumbaEngine(), cache=tmp_path, snapshots=2)
+    level = SceneLevel("l", Dosing(settings), dem, NumbaEngine(), cache=tmp_path, snapshots=2)
     outcome = level.evaluate(dosing_problem(settings).baseline, seed=1)
     assert outcome.status == "finished", outcome.why
     assert outcome.raw["settling_work"] > 0  # so it has settled grains, too
@@ -52,9 +53,7 @@ def test_compiling_is_said_once() -> None:
     assert said == ["compiling"]
 
 
-@pytest.mark.parametrize(
-    "module", ["mfopt.commands.app", "fidelity.scenes.dosing.level", "mfopt.study.assemble"]
-)
+@pytest.mark.parametrize("module", ["mfopt.commands.app", "fidelity.level", "mfopt.study.assemble"])
 def test_numba_is_not_loaded_before_it_is_used(module: str) -> None:
     look = f"import sys, {module}; print('numba' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", look], capture_output=True, text=True, check=True)

@@ -9,7 +9,7 @@ import pytest
 
 from fidelity.engine import Grain, Material, Movement, Packing, Physics, Setup
 from fidelity.engines.bullet.engine import BulletEngine
-from fidelity.grains.packing import Order, digest, settled_packing
+from fidelity.grains.packing import digest, settled_packing
 from fidelity.grains.portion import (
     depth_in_section,
     flaw,
@@ -17,12 +17,14 @@ from fidelity.grains.portion import (
     loose_portion,
     sphere_centres,
 )
-from fidelity.scenes.dosing.run import packing_order
-from fidelity.scenes.dosing.settings import DemSettings, DosingSettings
+from fidelity.grains.settings import DemSettings
+from fidelity.scenes.dosing.filling import CupFilling
+from fidelity.scenes.dosing.run import cup_filling
+from fidelity.scenes.dosing.settings import DosingSettings
 from geometry.sections import Section
 from mfopt.errors import SimulationError
 
-ORDER = packing_order(DosingSettings(), DemSettings(grains=60, spheres_per_grain=3), seed=0)
+ORDER = cup_filling(DosingSettings(), DemSettings(grains=60, spheres_per_grain=3), seed=0)
 
 
 @dataclass(frozen=True)
@@ -61,7 +63,7 @@ def engine(tmp_path: Path) -> Still:
     return Still(tmp_path / "notes")
 
 
-def tall(order: Order) -> Order:
+def tall(order: CupFilling) -> CupFilling:
     """Loose layers stand high: a collar that the still engine's packing fits into."""
     return dataclasses.replace(order, collar=2.0)
 

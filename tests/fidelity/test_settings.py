@@ -3,7 +3,8 @@ import math
 import pytest
 from pydantic import ValidationError
 
-from fidelity.scenes.dosing.settings import PARAMETERS, DemSettings, DosingSettings
+from fidelity.grains.settings import DemSettings
+from fidelity.scenes.dosing.settings import PARAMETERS, DosingSettings
 
 
 def test_defaults_are_the_thirteen_variables() -> None:

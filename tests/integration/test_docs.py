@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel
 
-from fidelity.scenes.dosing.settings import CupSettings, DosingSettings, MaterialSettings
+from fidelity.grains.settings import MaterialSettings
+from fidelity.scenes.dosing.settings import CupSettings, DosingSettings
 from mfopt.study import file as study
 from mfopt.study.assemble import CommandLevelSettings, DemLevelSettings, ReducedLevelSettings
 

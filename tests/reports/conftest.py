@@ -12,7 +12,7 @@ from mfopt.campaign.store import RunDirectory, create, open_run
 from mfopt.records.evaluation import Candidate, Evaluation, Generation, Insight, Purpose, Reference
 from mfopt.records.objective import ObjectiveSettings, dispersion, value
 from mfopt.records.outcome import Outcome
-from reports.design import DesignView, Mesh
+from mfopt.records.view import DesignView, Mesh
 
 MM = 1e-3
 VARIABLES: list[tuple[str, float, float, str]] = [

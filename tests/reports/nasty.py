@@ -10,7 +10,7 @@ from mfopt.campaign.store import RunDirectory, create, open_run
 from mfopt.records.evaluation import Candidate, Evaluation, Generation, Insight, Purpose, Reference
 from mfopt.records.objective import judged, objective_named
 from mfopt.records.outcome import Outcome
-from reports.design import Describe, DesignView, no_view
+from mfopt.records.view import Describe, DesignView, no_view
 
 NUMBERS = (
     0.0, -0.0, 5e-324, -5e-324, 1e-310, 2.2e-308, 1e-30, 1e-9, 0.072, 1.0, -1.0, 450.0, 1e7, 1e30,

@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 from mfopt.arrays import Array
 from mfopt.campaign.store import RunDirectory
 from mfopt.records.evaluation import Generation
+from mfopt.records.view import DesignView
 from reports import charts, course_chart
 from reports.campaign import Step, steps
-from reports.design import DesignView
 from reports.facts import gather
 from reports.rows import read_rows
 from reports.units import display

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from mfopt.arrays import Array
 from mfopt.campaign.store import RunDirectory
-from reports.design import DesignView
+from mfopt.records.view import DesignView
 from reports.pictures import rotate, section, shapes, snapshots, wall_lines
 from reports.result import result
 from reports.rows import read_rows

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from mfopt.arrays import Array
-from reports.design import DesignView
+from mfopt.records.view import DesignView
 from reports.viewer import scene
 
 

@@ -15,10 +15,11 @@ import numpy as np
 
 from fidelity.engine import Grain, Material, Movement, Packing, Physics, Setup, Wall, WallMotion
 from fidelity.grains.grain import portion_grain
-from fidelity.grains.packing import Order, cup_mesh
 from fidelity.grains.portion import depth_in_section, depth_inside
+from fidelity.grains.settings import DemSettings
 from fidelity.scenes.dosing.design import MILLI, MOTION_STEP, Design, dosing_cup, plate
-from fidelity.scenes.dosing.settings import DemSettings, DosingSettings
+from fidelity.scenes.dosing.filling import CupFilling, cup_mesh
+from fidelity.scenes.dosing.settings import DosingSettings
 from geometry.mesh import Mesh
 from geometry.parts import passage
 from mfopt.arrays import AnyArray, Array, frozen
@@ -53,11 +54,11 @@ def dosing_grain(settings: DosingSettings, dem: DemSettings) -> Grain:
     )
 
 
-def packing_order(settings: DosingSettings, dem: DemSettings, seed: int) -> Order:
+def cup_filling(settings: DosingSettings, dem: DemSettings, seed: int) -> CupFilling:
     """The settled portion that a run of the level starts from."""
     grain, cup = dosing_grain(settings, dem), dosing_cup(settings)
     error = dem.chordal_error_mm
-    return Order(
+    return CupFilling(
         grain=grain,
         grain_material=settings.grain.material(dem.young_modulus_pa),
         wall_material=settings.wall.material(),
@@ -76,7 +77,11 @@ def packing_order(settings: DosingSettings, dem: DemSettings, seed: int) -> Orde
 
 
 def dosing_setup(
-    settings: DosingSettings, machine: Design, order: Order, packing: Packing, snapshots: int = 0
+    settings: DosingSettings,
+    machine: Design,
+    filling: CupFilling,
+    packing: Packing,
+    snapshots: int = 0,
 ) -> Setup:
     """What the engine is given: walls, the cup's motion, and the settled portion at the start."""
     times = np.linspace(0.0, machine.cycle, round(machine.cycle / MOTION_STEP) + 1)
@@ -85,20 +90,20 @@ def dosing_setup(
     way[:, 0] = positions - positions[0]
     speed = float(machine.cup_velocity(np.zeros(1))[0])
     start = np.array([positions[0], 0.0, 0.0])
-    cup, error = cup_mesh(order), order.chordal_error
+    cup, error = cup_mesh(filling), filling.chordal_error
     hopper, table = passage(machine.loft, machine.tube_end_z, error), plate(machine, error)
-    material, motion = order.wall_material, WallMotion(frozen(times), frozen(way))
+    material, motion = filling.wall_material, WallMotion(frozen(times), frozen(way))
     return Setup(
-        grain=order.grain,
+        grain=filling.grain,
         packing=Packing(frozen(packing.positions + start), packing.orientations),
-        grain_material=order.grain_material,
+        grain_material=filling.grain_material,
         walls=(
             Wall("cup", cup.vertices + start, cup.triangles, material, motion),
             Wall("plate", table.vertices, table.triangles, material),
             Wall("hopper", hopper.vertices, hopper.triangles, material),
-            _housing(table, order.collar, material),
+            _housing(table, filling.collar, material),
         ),
-        physics=order.physics,
+        physics=filling.physics,
         duration=MILLI * settings.duration_ms,
         exit_z=machine.tube_end_z,
         velocities=frozen(np.tile([speed, 0.0, 0.0], (len(packing.positions), 1))),

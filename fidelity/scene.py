@@ -1,0 +1,115 @@
+"""What a scene is: one kind of machine or test of grains, as one object."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar, Protocol
+
+from fidelity.engine import Movement, Packing, Setup
+from fidelity.grains.filling import Portion
+from fidelity.grains.packing import Filling
+from fidelity.grains.settings import DemSettings
+from geometry.mesh import Mesh
+from mfopt.arrays import AnyArray, Array
+from mfopt.records.level import Level
+from mfopt.records.objective import Criteria
+from mfopt.records.problem import Problem
+from mfopt.records.view import DesignView
+from mfopt.settings import Settings
+
+
+@dataclass(frozen=True, slots=True)
+class Cycle:
+    """How much of a run is work, to predict what a run costs."""
+
+    duration_s: float  # simulated time that grains move
+    share: float  # of the spheres that move in it, on average
+
+
+class Scene(Protocol):
+    """One kind of machine or test, with its settings. Must be picklable.
+
+    A design `x` (d,) is in the units of the problem. `dem` says how finely a level resolves the
+    grains.
+    """
+
+    name: ClassVar[str]  # in study files
+
+    @classmethod
+    def read(cls, own: Mapping[str, Any], wanted: Mapping[str, Any], where: str) -> "Scene":
+        """The scene that a study describes.
+
+        Args:
+            own: the table [problem.NAME].
+            wanted: what [problem] says of the objectives.
+            where: its file, for messages.
+
+        Raises:
+            ConfigError: if a key is wrong.
+        """
+
+    @property
+    def settings(self) -> Settings:
+        """What the study says of the scene."""
+
+    @property
+    def wanted(self) -> Settings:
+        """What the study says of the objectives."""
+
+    def problem(self) -> Problem:
+        """Design variables, baseline and hard constraint.
+
+        Raises:
+            ConfigError: if the baseline cannot be built, or lies outside the bounds.
+        """
+
+    def starts(self, problem: Problem) -> Mapping[str, Array]:
+        """Designs by name that an engineer would try first, the baseline first."""
+
+    def criteria(self) -> Criteria:
+        """Objectives and quantities of a run."""
+
+    def portion(self, x: Array, dem: DemSettings) -> Portion:
+        """The grains of a run, their materials and numerics."""
+
+    def cycle(self, x: Array) -> Cycle:
+        """What of a run is work."""
+
+    def filling(self, x: Array, dem: DemSettings, seed: int) -> Filling | None:
+        """How the vessel is filled before the run; None if the run begins with loose grains.
+
+        Raises:
+            InvalidDesign: if the design cannot be built.
+            SimulationError: if the grains do not fit.
+        """
+
+    def setup(
+        self, x: Array, dem: DemSettings, packing: Packing | None, seed: int, moments: int
+    ) -> Setup:
+        """The run from a settled packing, with snapshots of all grains at so many moments.
+
+        Raises:
+            InvalidDesign: if the design cannot be built.
+            SimulationError: if the grains do not fit.
+        """
+
+    def results(
+        self, x: Array, dem: DemSettings, setup: Setup, movement: Movement, seed: int
+    ) -> tuple[dict[str, AnyArray], str | None]:
+        """Raw results of a finished movement, SI units; and why they cannot be right, or None."""
+
+    def reduced(self, name: str, grains: int) -> Level | None:
+        """The analytic level of that name; None if the scene has none."""
+
+    def view(self, x: Array, dem: DemSettings | None) -> DesignView:
+        """What a report shows of a design besides its numbers."""
+
+    def meshes(self, x: Array) -> Mapping[str, Mesh]:
+        """The parts of the machine, for viewing and for the workshop."""
+
+    def write_step(self, x: Array, directory: Path) -> str:
+        """Write a STEP file for the workshop, and return its name.
+
+        Raises:
+            ConfigError: if the scene has none, or the extra `cad` is missing.
+        """

@@ -1,0 +1,33 @@
+"""A stored run with what its study says of it."""
+
+from pathlib import Path
+
+from mfopt.campaign.store import RunDirectory, open_run
+from mfopt.records.objective import OWN, Criteria
+from mfopt.study.assemble import scene_of
+from mfopt.study.file import Study, study_of
+
+
+def open_stored(path: Path) -> RunDirectory:
+    """Open a run directory, judged as its study says.
+
+    Raises:
+        ConfigError: if there is no run, it is of another format, or what is there is damaged.
+    """
+    run = open_run(path)
+    study = study_of_run(run)
+    if study is None:
+        return run
+    scene = scene_of(study.problem, str(run.study_file))
+    criteria: Criteria = OWN if scene is None else scene.criteria()
+    return open_run(path, criteria)
+
+
+def study_of_run(run: RunDirectory) -> Study | None:
+    """The study of a run; None for one of `mfopt.minimize`.
+
+    Raises:
+        ConfigError: if the stored study is damaged.
+    """
+    text = run.study()
+    return study_of(text, where=str(run.study_file)) if text else None
