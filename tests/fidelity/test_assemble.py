@@ -68,7 +68,7 @@ def test_the_reference_is_the_top_level_but_for_its_engine() -> None:
     assert isinstance(top, SceneLevel)
     assert isinstance(reference, SceneLevel)
     assert reference.dem == top.dem
-    assert reference.settings == top.settings
+    assert reference.scene == top.scene
     assert reference.dem.young_modulus_pa == 2e6
     assert isinstance(reference.engine, YadeEngine)
     assert reference.snapshots == 0

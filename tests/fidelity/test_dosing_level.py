@@ -12,10 +12,11 @@ from fidelity.grains.settings import DemSettings
 from fidelity.level import SceneLevel
 from fidelity.scenes.dosing.bound import filling_time_bound
 from fidelity.scenes.dosing.design import design, dosing_problem
+from fidelity.scenes.dosing.objectives import dispersion
+from fidelity.scenes.dosing.scene import Dosing
 from fidelity.scenes.dosing.settings import DosingSettings
 from mfopt.arrays import Array
 from mfopt.campaign.check import Probed
-from mfopt.records.objective import dispersion
 from mfopt.records.outcome import Outcome
 
 SETTINGS = DosingSettings()
@@ -106,8 +107,8 @@ def test_the_first_steps_cost_their_share(engine: Engine, cache: Path) -> None:
 def test_first_steps_that_cannot_be_run_are_a_failed_run(tmp_path: Path) -> None:
     level = SceneLevel("coarse", Dosing(SETTINGS), DEM, BulletEngine(), tmp_path)
     assert level.probe(with_values(r1=45.0, w1=60.0), seed=0, share=0.1).status == "invalid_design"
-    one = SceneLevel("one", Dosing(SETTINGS), DEM.model_copy(update={"grains": 1, "spheres_per_grain": 5}),
-                      BulletEngine(), tmp_path)  # fmt: skip
+    one_grain = DEM.model_copy(update={"grains": 1, "spheres_per_grain": 5})
+    one = SceneLevel("one", Dosing(SETTINGS), one_grain, BulletEngine(), tmp_path)
     assert one.probe(SLOW, seed=0, share=0.1).status == "crashed"
 
 
@@ -122,9 +123,8 @@ def test_impossible_design_is_not_simulated(tmp_path: Path) -> None:
 
 def test_portion_that_does_not_fit_is_a_failed_run(tmp_path: Path) -> None:
     dem = DEM.model_copy(update={"grains": 1, "spheres_per_grain": 5})
-    outcome = SceneLevel("one", Dosing(SETTINGS), dem, BulletEngine(), tmp_path).evaluate(
-        SLOW, seed=0
-    )
+    level = SceneLevel("one", Dosing(SETTINGS), dem, BulletEngine(), tmp_path)
+    outcome = level.evaluate(SLOW, seed=0)
     assert outcome.status == "crashed"
     assert "use more grains" in (outcome.why or "")
 

@@ -3,21 +3,20 @@ import math
 import numpy as np
 import pytest
 
-from mfopt.arrays import AnyArray
-from mfopt.errors import ConfigError
-from mfopt.records.objective import (
-    ObjectiveSettings,
+from fidelity.scenes.dosing.objectives import (
+    Wanted,
+    Weights,
+    criteria,
     dispersion,
     filling_time,
-    judged,
-    missed,
-    objective_named,
     paper_dispersion,
-    quantities,
-    returned,
-    value,
+    weights_of,
 )
+from mfopt.arrays import AnyArray
+from mfopt.errors import ConfigError
+from mfopt.records.objective import judged, missed
 from mfopt.records.outcome import Outcome
+from mfopt.settings import checked
 
 X = np.zeros(1)
 
@@ -61,8 +60,8 @@ def test_objectives_mean_the_same_at_every_number_of_grains() -> None:
         passed = grains - left
         return raw(list(quantile((np.arange(passed) + 0.5) / passed)), cup=left)
 
-    settings = ObjectiveSettings(filling_time_limit_s=0.2)
-    few, many = (dispersion(sampled(n), settings) for n in (300, 18_300))
+    weights = Weights(filling_time_limit_s=0.2)
+    few, many = (dispersion(sampled(n), weights) for n in (300, 18_300))
     assert few == pytest.approx(many, rel=0.02)  # a span of 300 quantiles is 1 % shorter
     paper = [paper_dispersion(sampled(n))["left in cup"] for n in (300, 18_300)]
     assert paper[1] > 50.0 * paper[0]
@@ -80,9 +79,9 @@ def test_a_part_of_a_grain_is_left_out_of_a_coarse_portion() -> None:
 
 def test_a_filling_time_within_the_limit_costs_nothing() -> None:
     within, above = raw([0.1, 0.2, 0.4]), raw([0.1, 0.2, 0.5])
-    settings = ObjectiveSettings(filling_time_limit_s=0.33, filling_time_weight=2.0)
-    assert dispersion(within, settings)["over time limit"] == 0.0
-    assert dispersion(above, settings)["over time limit"] == pytest.approx(0.14, rel=1e-12)
+    weights = Weights(filling_time_limit_s=0.33, filling_time_weight=2.0)
+    assert dispersion(within, weights)["over time limit"] == 0.0
+    assert dispersion(above, weights)["over time limit"] == pytest.approx(0.14, rel=1e-12)
     assert dispersion(above)["over time limit"] == 0.0  # no limit is set
 
 
@@ -99,48 +98,45 @@ def test_dispersion_is_invariant_to_a_shift_of_the_clock() -> None:
 
 
 def test_quantities_are_what_an_engineer_asks_for() -> None:
-    asked = quantities(raw([0.1] * 60 + [0.4] * 39, cup=1))
-    assert asked is not None
+    run = Outcome(X, "l", 1, "finished", raw=raw([0.1] * 60 + [0.4] * 39, cup=1))
+    asked = criteria().quantities_of(run)
+    assert list(asked) == ["dispersion", "filling time", "mass left"]
     assert asked["filling time"] == pytest.approx(0.3)
     assert asked["mass left"] == pytest.approx(0.01)
-    assert quantities({"f": np.asarray(1.0)}) is None
-
-
-def test_failed_run_and_nan_are_infinitely_bad() -> None:
-    assert value(returned, Outcome(X, "l", 1, "crashed", "why")) == math.inf
-    nan = Outcome(X, "l", 1, "finished", raw={"f": np.asarray(math.nan)})
-    assert value(returned, nan) == math.inf
+    other = Outcome(X, "l", 1, "finished", raw={"f": np.asarray(1.0)})
+    assert criteria().quantities_of(other) == {}
 
 
 @pytest.mark.parametrize(
-    ("name", "given", "why"),
+    ("given", "why"),
     [
-        ("returned", {"g": np.asarray(1.0)}, "lacks 'f'"),
-        ("dispersion", {"f": np.asarray(1.0)}, "lacks 'grains'"),
-        ("returned", {"f": np.asarray([1.0, 2.0])}, "cannot be computed"),
-        ("dispersion", {**raw([0.1] * 40), "grains": np.asarray(0)}, "cannot be computed"),
-        ("returned", {"f": np.asarray(math.inf)}, "no finite number"),
+        ({"f": np.asarray(1.0)}, "lacks 'grains'"),
+        ({**raw([0.1] * 40), "grains": np.asarray(0)}, "cannot be computed"),
     ],
 )
 def test_a_run_without_its_objective_has_crashed_and_says_why(
-    name: str, given: dict[str, AnyArray], why: str
+    given: dict[str, AnyArray], why: str
 ) -> None:
-    outcome, f = judged(objective_named(name), Outcome(X, "l", 1, "finished", raw=given))
-    assert f == math.inf
-    assert outcome.status == "crashed"
+    objective = criteria().objective("dispersion")
+    outcome, f = judged(objective, Outcome(X, "l", 1, "finished", raw=given))
+    assert (f, outcome.status) == (math.inf, "crashed")
     assert why in (outcome.why or "")
-    assert not missed(objective_named(name), [outcome]).any()
+    assert missed(objective, [outcome]).tolist() == [[0.0, 0.0, 0.0]]
 
 
 def test_unknown_objective_names_the_known() -> None:
     with pytest.raises(ConfigError, match="filling_time"):
-        objective_named("fill")
+        criteria().objective("fill")
 
 
 @pytest.mark.parametrize(
     "wrong",
-    [{"reference_grains": 0}, {"filling_time_limit_s": 0.0}, {"filling_time_weight": -1.0}],
+    [{"reference_grains": 0}, {"filling_time_limit_ms": 0.0}, {"filling_time_weight": -1.0}],
 )
 def test_settings_out_of_range_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(ConfigError, match=next(iter(wrong))):
-        ObjectiveSettings(**wrong)  # type: ignore[arg-type]
+        checked(Wanted, wrong, where="study")
+
+
+def test_the_limit_of_a_study_is_in_milliseconds() -> None:
+    assert weights_of(Wanted(filling_time_limit_ms=330.0)).filling_time_limit_s == 0.33

@@ -12,6 +12,7 @@ from fidelity.engines.numba import NumbaEngine, first_only, prepare
 from fidelity.grains.settings import DemSettings
 from fidelity.level import SceneLevel
 from fidelity.scenes.dosing.design import dosing_problem
+from fidelity.scenes.dosing.scene import Dosing
 from fidelity.scenes.dosing.settings import DosingSettings
 
 

@@ -14,7 +14,7 @@ from mfopt.campaign.store import RunDirectory, create, open_run
 from mfopt.errors import ConfigError
 from mfopt.records.evaluation import Evaluation
 from mfopt.records.level import Ladder, Level
-from mfopt.records.objective import judged, objective_named
+from mfopt.records.objective import RETURNED, judged
 from mfopt.records.problem import Problem, Variable
 from mfopt.search.assisted import AssistedCmaEs
 from mfopt.search.cmaes import CmaEs
@@ -254,9 +254,8 @@ def test_what_the_check_ran_is_stored_first_and_used_where_the_search_asks_for_i
 
     levels = FunctionLevel("coarse", counted), FunctionLevel("fine", counted, 10.0)
     ladder, run = Ladder(levels), create(tmp_path / "run", "", {})
-    objective = objective_named("returned")
     checked = check_levels(
-        ladder, PROBLEM.baseline, Runner(one_thread), lambda outcome: judged(objective, outcome)
+        ladder, PROBLEM.baseline, Runner(one_thread), lambda outcome: judged(RETURNED, outcome)
     )
     search = CmaEs(PROBLEM, STAGES, seed=1)
     run_study(

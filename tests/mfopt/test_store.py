@@ -18,6 +18,7 @@ from mfopt.campaign.store import create, open_run, writing
 from mfopt.errors import ConfigError
 from mfopt.files.array_file import read_arrays, write_arrays
 from mfopt.records.evaluation import Candidate, Evaluation, Generation
+from mfopt.records.objective import RETURNED, Criteria, Objective
 from mfopt.records.outcome import Outcome, Status
 
 
@@ -245,7 +246,9 @@ def test_a_line_that_lacks_something_is_named(record: dict[str, Any], tmp_path: 
 
 
 def test_an_objective_that_its_outcome_does_not_give_is_refused(tmp_path: Path) -> None:
-    run, x = create(tmp_path / "run", "", {"objective": "returned"}), np.zeros(2)
+    lacking = Objective("g", lambda raw: {"g": float(raw["g"])})
+    judged_by = Criteria({"returned": RETURNED, "g": lacking})
+    run, x = create(tmp_path / "run", "", {"objective": "returned"}, judged_by), np.zeros(2)
 
     def add(index: int, stored: float, given: float, status: Status = "finished") -> None:
         outcome = Outcome(x, "l", 1, status, None, {"f": np.asarray(given)})
@@ -259,7 +262,7 @@ def test_an_objective_that_its_outcome_does_not_give_is_refused(tmp_path: Path) 
     with pytest.raises(ConfigError, match=r"evaluation 3 .* objective 0\.5, .* gives 0\.59999"):
         list(open_run(tmp_path / "run").evaluations())
     run.extend({}, "")
-    run.add_generation(Generation(4, "l", 0, 0.2, 16, "dispersion"))  # which has no `f`
+    run.add_generation(Generation(4, "l", 0, 0.2, 16, "g"))  # another objective ranks it
     with pytest.raises(ConfigError, match=r"evaluation 0 .* gives inf"):
         run.use_again(Candidate(0, x, "l", 1, 4))
 

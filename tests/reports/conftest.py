@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from fidelity.scenes.dosing.objectives import Weights, criteria
 from mfopt.arrays import AnyArray, Array, frozen
 from mfopt.campaign.store import RunDirectory, create, open_run
 from mfopt.records.evaluation import Candidate, Evaluation, Generation, Insight, Purpose, Reference
-from mfopt.records.objective import ObjectiveSettings, dispersion, value
+from mfopt.records.objective import value
 from mfopt.records.outcome import Outcome
 from mfopt.records.view import DesignView, Mesh
 
@@ -32,7 +33,7 @@ UPPER = np.array([v[2] for v in VARIABLES])
 LEVELS = [("reduced", 0, 2e5), ("bullet-300", 300, 6e7), ("yade-1000", 1000, 9e8)]
 PLAN = [("reduced", 12, 24), ("bullet-300", 10, 12), ("yade-1000", 6, 10)]
 REFERENCE = Reference("yade-1000-longdouble", "longdouble", "2022.01a")
-SETTINGS = ObjectiveSettings(filling_time_limit_s=0.33)
+CRITERIA = criteria(Weights(filling_time_limit_s=0.33))
 STROKE, PERIOD, DROP = 0.4, 0.6, 0.56  # [m], [s], [m]
 
 
@@ -46,7 +47,7 @@ def header(variables: list[tuple[str, float, float, str]], baseline: Array) -> d
         "levels": [{"name": n, "engine": n.split("-")[0], "grains": g or None,
                     "spheres_per_grain": 5 if g else None, "work": w} for n, g, w in LEVELS],
         "objective": "dispersion", "objective_unit": "s", "workers": 2,
-        "objective_settings": SETTINGS.described(),
+        "objective_settings": dict(CRITERIA.settings),
     }  # fmt: skip
 
 
@@ -107,7 +108,7 @@ def outcome(
 
 
 def add(run: RunDirectory, candidate: Candidate, result: Outcome) -> Evaluation:
-    evaluation = Evaluation(candidate, result, value(lambda raw: dispersion(raw, SETTINGS), result))
+    evaluation = Evaluation(candidate, result, value(CRITERIA.objective("dispersion"), result))
     run.add_evaluation(evaluation)
     return evaluation
 
@@ -206,11 +207,12 @@ def describe(x: Array) -> DesignView:
 
 def dosing_run(path: Path, *, generations: int = 99, finished: bool = True) -> RunDirectory:
     """Write an invented dosing run and open it again."""
-    run = create(path, 'name = "rice-synthetic"\n[search]\nseed = 7\n', header(VARIABLES, BASELINE))
+    text = 'name = "rice-synthetic"\n[search]\nseed = 7\n'
+    run = create(path, text, header(VARIABLES, BASELINE), CRITERIA)
     fill(run, generations=generations, confirm=finished)
     if finished:
         run.add_end("the planned generations on every level are done")
-    return open_run(path)
+    return open_run(path, CRITERIA)
 
 
 def user_run(path: Path) -> RunDirectory:
@@ -243,7 +245,7 @@ def assisted_run(path: Path, *, finished: bool = True) -> RunDirectory:
     """
     head = header(VARIABLES, BASELINE)
     head |= {"levels": head["levels"][1:], "method": "assisted"}
-    run = create(path, "", head)
+    run = create(path, "", head, CRITERIA)
     rng, coarse, fine = np.random.default_rng(8), "bullet-300", "yade-1000"
     plan = [(1, coarse, [coarse] * 4), (2, coarse, [fine, coarse, coarse]), (3, fine, [fine] * 4)]
     why = {1: "start", 3: f"level change to {fine}: converged"}
@@ -273,7 +275,7 @@ def assisted_run(path: Path, *, finished: bool = True) -> RunDirectory:
                 add(run, Candidate(index, x, fine, seed, 0, purpose), out)
                 index += 1
         run.add_end("the budget is spent")
-    return open_run(path)
+    return open_run(path, CRITERIA)
 
 
 @pytest.fixture

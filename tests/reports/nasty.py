@@ -1,14 +1,16 @@
 """Run directories that hold every kind of number and text which a journal can hold."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from fidelity.scenes.dosing.objectives import criteria
 from mfopt.arrays import AnyArray, Array, frozen
 from mfopt.campaign.store import RunDirectory, create, open_run
 from mfopt.records.evaluation import Candidate, Evaluation, Generation, Insight, Purpose, Reference
-from mfopt.records.objective import judged, objective_named
+from mfopt.records.objective import OWN, judged
 from mfopt.records.outcome import Outcome
 from mfopt.records.view import Describe, DesignView, no_view
 
@@ -24,6 +26,9 @@ TEXTS = (
 )  # fmt: skip
 CONFIRMED: tuple[Purpose, ...] = ("confirm best", "confirm baseline")
 REPEATED: tuple[Purpose, ...] = ("reference best", "reference baseline")
+
+# Of a dosing run, and of a problem of the user's own.
+CRITERIA = replace(criteria(), objectives={**criteria().objectives, **OWN.objectives})
 
 
 class Nasty:
@@ -113,14 +118,14 @@ class Nasty:
         raw = {"f": np.array(self.value())} if objective == "returned" else self.raw()
         outcome = Outcome(x, level, seed, "finished", None, raw, work, cpu_s)
         with np.errstate(all="ignore"):
-            return Evaluation(candidate, *judged(objective_named(objective), outcome))
+            return Evaluation(candidate, *judged(CRITERIA.objective(objective), outcome))
 
 
 def nasty_run(path: Path, seed: int) -> RunDirectory:
     """A run of random shape with the worst numbers and texts."""
     its = Nasty(seed)
     header = its.header()
-    run = create(path, "study", header)
+    run = create(path, "study", header, CRITERIA)
     names = [str(level["name"]) for level in header["levels"]]
     reference = Reference(f"{names[-1]}-yade", its.text(), its.text())
     index = 0
@@ -151,7 +156,7 @@ def nasty_run(path: Path, seed: int) -> RunDirectory:
         run.add_reference(reference if its.often(0.7) else Reference(why_not=its.text()))
     if its.often(0.7):
         run.add_end(its.text())
-    return open_run(path)
+    return open_run(path, CRITERIA)
 
 
 def nasty_view(seed: int) -> Describe:

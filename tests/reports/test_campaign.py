@@ -14,7 +14,7 @@ from reports.rows import Row, read_rows
 
 def row(generation: int, value: float, *, level: str = "a", work: float = 1.0, cpu_s: float = 1.0,
         purpose: str = "search", why: str | None = None) -> Row:  # fmt: skip
-    return Row(0, generation, level, 1, purpose, np.zeros(1), value, *[math.nan] * 5,  # type: ignore[arg-type]
+    return Row(0, generation, level, 1, purpose, np.zeros(1), value, {},  # type: ignore[arg-type]
                "crashed" if why else "finished", why, work, cpu_s)  # fmt: skip
 
 

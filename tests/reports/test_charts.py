@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from conftest import CRITERIA
 from mfopt.arrays import Array
 from mfopt.campaign.store import RunDirectory
 from mfopt.records.evaluation import Generation
@@ -19,7 +20,7 @@ from reports.units import display
 
 
 def step(number: int, level: str, why: str = "", best: float = 1.0) -> Step:
-    return Step(Generation(number, level, 0, 0.2, 4, "f", why), best, 2 * best, np.nan, 4, 0)
+    return Step(Generation(number, level, 0, 0.2, 4, "f", why), best, 2 * best, {}, 4, 0)
 
 
 def test_level_changes_are_bands_and_other_restarts_are_marked() -> None:
@@ -47,7 +48,7 @@ def test_scales_end_on_round_numbers(value: float, rounded: float) -> None:
 
 def test_progress_names_units_levels_restarts_and_failures(finished_run: RunDirectory) -> None:
     its = steps(finished_run.generations, read_rows(finished_run))
-    svg = charts.progress(its, display("s", [0.1]), "dispersion", 0.262)
+    svg = charts.progress(its, display("s", [0.1]), "dispersion", CRITERIA.quantities[1], 0.262)
     for text in ("dispersion [ms]", "of the best [ms]", "bullet-300", "yade-1000", "R1", "R2",
                  "failed runs", "physical lower bound"):  # fmt: skip
         assert text in svg

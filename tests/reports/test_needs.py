@@ -1,27 +1,32 @@
 """The table of what the machine needs, against hand-made runs."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pytest
 
+from fidelity.scenes.dosing.objectives import Weights, criteria
 from mfopt.records.evaluation import Purpose
+from mfopt.records.objective import Quantity
 from reports.needs import SIMPLE, Need, needs
 from reports.result import result
 from reports.rows import Row
 
-LIMITED = {"objective_settings": {"filling_time_limit_s": 0.33}}
+LIMITED = criteria(Weights(filling_time_limit_s=0.33)).quantities
+UNLIMITED = criteria().quantities
 BEST, BASELINE, MOTION = 1.0, 2.0, 3.0
 
 
 def row(purpose: Purpose, x: float, value: float, **given: Any) -> Row:
     fields: dict[str, Any] = {
         "index": 0, "generation": 0, "level": "fine", "seed": 1, "purpose": purpose,
-        "x": np.array([x]), "value": value, "dispersion": value, "filling_time": 3.0 * value,
-        "mass_left": 0.0, "left_in_cup": 0.0, "left_in_hopper": 0.0, "status": "finished",
+        "x": np.array([x]), "value": value, "status": "finished",
         "why": None, "work": 1.0, "cpu_s": 1.0,
     }  # fmt: skip
-    return Row(**(fields | given))
+    asked = {"dispersion": value, "filling time": 3.0 * value, "mass left": 0.0}
+    changed = {name.replace("_", " "): given.pop(name) for name in ("mass_left",) if name in given}
+    return Row(quantities=given.pop("quantities", asked | changed), **(fields | given))
 
 
 def confirmed(best: list[float], baseline: list[float], **of_best: Any) -> list[Row]:
@@ -31,8 +36,8 @@ def confirmed(best: list[float], baseline: list[float], **of_best: Any) -> list[
     ]
 
 
-def table(rows: list[Row], header: dict[str, Any] | None = None) -> dict[str, Need]:
-    lines = needs(rows, result(rows, ["fine"]), LIMITED if header is None else header)
+def table(rows: list[Row], asked: Sequence[Quantity] = LIMITED) -> dict[str, Need]:
+    lines = needs(rows, result(rows, ["fine"]), asked)
     return {line.name: line for line in lines}
 
 
@@ -56,7 +61,7 @@ def test_what_got_worse_or_breaks_the_limit_is_said() -> None:
 
 
 def test_without_a_limit_none_is_broken() -> None:
-    its = table(confirmed([0.2], [0.3]), header={})["filling time"]
+    its = table(confirmed([0.2], [0.3]), UNLIMITED)["filling time"]
     assert its.limit is None
     assert its.fault("best") == ""
 
@@ -68,7 +73,7 @@ def test_a_difference_that_is_not_shown_is_not_called_worse() -> None:
 
 def test_failed_runs_are_told_and_left_out_of_the_median() -> None:
     rows = confirmed([0.08, 0.09], [0.1, 0.1, 0.1])
-    rows.append(row("confirm best", BEST, np.inf, seed=3, dispersion=np.nan, filling_time=np.nan))
+    rows.append(row("confirm best", BEST, np.inf, seed=3, quantities={}))
     its = table(rows)["dispersion"]
     assert its.spreads["best"].median == pytest.approx(0.085)
     assert its.fault("best") == "1 of 3 runs failed"
@@ -93,7 +98,9 @@ def test_a_simple_motion_that_is_the_best_design_stands_there_once() -> None:
 
 
 def test_runs_of_another_kind_have_no_such_table() -> None:
-    nothing = dict.fromkeys(("dispersion", "filling_time", "mass_left"), np.nan)
-    rows = [row("confirm best", BEST, 0.1, **nothing), row("confirm baseline", 2.0, 0.1, **nothing)]
+    rows = [
+        row("confirm best", BEST, 0.1, quantities={}),
+        row("confirm baseline", 2.0, 0.1, quantities={}),
+    ]
     assert table(rows) == {}
-    assert needs([], None, {}) == ()
+    assert needs([], None, LIMITED) == ()

@@ -7,20 +7,24 @@ import numpy as np
 import pytest
 
 from mfopt.records.evaluation import Purpose, Reference
+from mfopt.records.objective import Quantity
 from reports.reference import Repeated, lines, ratio, repeated, words
 from reports.rows import Row
 from reports.units import Display
 
 NOTED = Reference("fine-yade", "yade", "2023.02a")
 MS = Display(1e3, "ms")
+ASKED = (
+    Quantity("filling time", "s", lambda raw: float(raw["t"]), (1e3, "ms")),
+    Quantity("left", "-", lambda raw: float(raw["left"]), (1e2, "%")),
+)
 
 
 def row(purpose: Purpose, seed: int, value: float, **given: Any) -> Row:
     fields: dict[str, Any] = {
         "index": 0, "generation": 0, "level": "fine", "seed": seed, "purpose": purpose,
-        "x": np.zeros(1), "value": value, "filling_time": 2.0 * value, "left_in_cup": 3.0,
-        "left_in_hopper": 0.0, "status": "finished", "why": None, "work": 1.0, "cpu_s": 1.0,
-        "dispersion": math.nan, "mass_left": math.nan,
+        "x": np.zeros(1), "value": value, "quantities": {"filling time": 2.0 * value, "left": 0.03},
+        "status": "finished", "why": None, "work": 1.0, "cpu_s": 1.0,
     }  # fmt: skip
     return Row(**(fields | given))
 
@@ -44,22 +48,21 @@ def said(its: Repeated) -> str:
 
 
 def test_each_design_stands_beside_its_run_with_the_same_seed() -> None:
-    objective, filling, cup, hopper = lines(made(0.11, 0.19, left_in_cup=6.0), "objective", MS)
+    there = made(0.11, 0.19, quantities={"filling time": 0.22, "left": 0.0})
+    objective, filling, left = lines(there, "objective", MS, ASKED)
     assert objective == [
         "objective [ms]", "110.0", "100.0", "1.10", "190.0", "200.0", "0.950"
     ]  # fmt: skip
     assert filling[1:4] == ["220.0", "200.0", "1.10"]
-    assert cup == ["grains left in the cup", "6", "3", "2.00", "3", "3", "1.00"]
-    assert hopper[1:4] == ["0", "0", "\u2013"]
+    assert left == ["left [%]", "0", "3.000", "0", "3.000", "3.000", "1.00"]
 
 
-def test_a_quantity_that_no_run_has_is_left_out() -> None:
-    nothing = {"filling_time": math.nan, "left_in_cup": math.nan, "left_in_hopper": math.nan}
-    rows = [row("confirm best", 7, 0.1, **nothing), row("reference best", 7, 0.2, **nothing)]
+def test_a_design_that_has_not_been_run_there_has_dashes() -> None:
+    rows = [row("confirm best", 7, 0.1), row("reference best", 7, 0.2)]
     its = repeated(rows, NOTED)
     assert its is not None
-    assert [line[0] for line in lines(its, "f", MS)] == ["f [ms]"]
-    assert lines(its, "f", MS)[0][4:] == ["\u2013"] * 3  # the baseline has not been run
+    assert [line[0] for line in lines(its, "f", MS, ())] == ["f [ms]"]
+    assert lines(its, "f", MS, ())[0][4:] == ["\u2013"] * 3
 
 
 @pytest.mark.parametrize(("there", "here"), [(1.0, 0.0), (1.0, math.nan), (math.inf, 1.0)])
@@ -117,7 +120,7 @@ def test_a_failed_run_is_told_with_its_reason_and_decides_nothing() -> None:
     its = made(math.inf, 0.22, status="crashed", why="exploded at 0.1 s\nlog\nlog")
     assert "The run of the best design failed: exploded at 0.1 s." in said(its)
     assert "better" not in said(its)
-    assert lines(its, "f", MS)[0][1:4] == ["failed", "100.0", "\u2013"]
+    assert lines(its, "f", MS, ())[0][1:4] == ["failed", "100.0", "\u2013"]
 
 
 def test_what_is_missing_is_said() -> None:

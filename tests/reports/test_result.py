@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from mfopt.records.evaluation import Insight
+from mfopt.records.objective import Quantity
 from reports.result import best_at, compare, result, solutions, typical_first
 from reports.rows import Row
 from reports.sentence import sentence
@@ -18,10 +19,8 @@ LEVELS = ["coarse", "fine"]
 def row(index: int, value: float, **given: Any) -> Row:
     fields: dict[str, Any] = {
         "index": index, "generation": 1, "level": "coarse", "seed": 1, "purpose": "search",
-        "x": np.array([float(index)]), "value": value, "filling_time": 2.0 * value,
-        "left_in_cup": 0.0, "left_in_hopper": 0.0, "status": "finished", "why": None,
-        "work": 1.0, "cpu_s": 1.0,
-        "dispersion": math.nan, "mass_left": math.nan,
+        "x": np.array([float(index)]), "value": value, "quantities": {"filling time": 2.0 * value},
+        "status": "finished", "why": None, "work": 1.0, "cpu_s": 1.0,
     }  # fmt: skip
     return Row(**(fields | given))
 
@@ -69,13 +68,12 @@ def test_confirmation_pairs_by_seed_and_leaves_unpaired_seeds_out() -> None:
     np.testing.assert_array_equal(found.objective.baseline, [0.8, 1.0])
     assert found.found.index == 9  # the search's run of the same design
     assert found.typical.value == 0.3  # the median of its three
-    assert found.filling_time is not None
-    assert found.filling_time.reduction == pytest.approx(100.0 * (1.0 - 0.35 / 0.9))
+    assert found.quantities["filling time"].reduction == pytest.approx(100.0 * (1.0 - 0.35 / 0.9))
 
 
 def test_a_quantity_that_does_not_apply_is_not_compared() -> None:
-    a, b = row(0, 0.5, filling_time=math.nan), row(1, 0.6, filling_time=math.nan)
-    assert compare([a], [b], lambda r: r.filling_time) is None
+    a, b = row(0, 0.5, quantities={}), row(1, 0.6, quantities={})
+    assert compare([a], [b], lambda r: r.quantity("filling time")) is None
     assert compare([a], [row(2, 0.6, seed=2)], lambda r: r.value) is None  # no common seed
 
 
@@ -101,10 +99,11 @@ def test_nothing_is_believed_of_a_level_without_a_finished_run() -> None:
     assert found.belief is insights[1]
 
 
-@pytest.mark.parametrize(("left", "words"), [(1.0, "1 grain stays"), (2.0, "2 grains stay")])
-def test_the_sentence_counts_the_grains_left_behind(left: float, words: str) -> None:
-    best = row(0, 0.2, purpose="confirm best", left_in_cup=left)
-    base = row(1, 0.4, purpose="confirm baseline", left_in_cup=20.0)
+def test_the_sentence_tells_every_quantity_of_both_designs() -> None:
+    left = Quantity("mass left", "-", lambda raw: float(raw["left"]), (1e2, "%"))
+    best = row(0, 0.2, purpose="confirm best", quantities={"mass left": 0.01})
+    base = row(1, 0.4, purpose="confirm baseline", quantities={"mass left": 0.2})
     rows = [row(2, 0.1, x=best.x), best, base]
-    text = sentence(result(rows, LEVELS), rows, "dispersion", Display(1.0, "s"), ended=True)
-    assert text.endswith(f", and {words} behind instead of 20.")
+    its = result(rows, LEVELS)
+    text = sentence(its, rows, "dispersion", Display(1.0, "s"), (left,), ended=True)
+    assert text.endswith("; mass left 1.00\u202f% instead of 20.0\u202f%.")

@@ -1,7 +1,5 @@
 """The result in words."""
 
-import math
-
 import numpy as np
 import pytest
 
@@ -45,8 +43,8 @@ def test_intervals_and_bounds_in_words() -> None:
 
 def test_finalists_are_told_where_there_were_any() -> None:
     x = np.zeros(1)
-    run = Row(0, 1, "fine", 1, "search", x, 0.1, *[math.nan] * 5, "finished", None, 1.0, 1.0)
-    its = Result(run, (), (), None, None)
+    run = Row(0, 1, "fine", 1, "search", x, 0.1, {}, "finished", None, 1.0, 1.0)
+    its = Result(run, (), (), None, {})
     assert "promising" not in chosen(its, method="assisted", insights=True)
     text = chosen(its, method="assisted", insights=True, finalists=3)
     assert "Then the 3 most promising designs were run at the target level" in text
@@ -55,8 +53,8 @@ def test_finalists_are_told_where_there_were_any() -> None:
 @pytest.mark.parametrize(("best", "keep"), [(0.06, False), (0.1, True), (0.11, True)])
 def test_where_nothing_better_was_found_the_baseline_is_to_be_kept(best: float, keep: bool) -> None:
     x = np.zeros(1)
-    run = Row(0, 1, "fine", 1, "search", x, best, *[math.nan] * 5, "finished", None, 1.0, 1.0)
+    run = Row(0, 1, "fine", 1, "search", x, best, {}, "finished", None, 1.0, 1.0)
     compared = Comparison((1,), np.array([best]), np.array([0.1]))
-    its = Result(run, (run,), (), compared, None)
+    its = Result(run, (run,), (), compared, {})
     text = sentence(its, [run], "objective", MS, ended=True)
     assert text.startswith("No better design was found: keep the baseline. ") == keep
