@@ -1,4 +1,4 @@
-"""The result in a few numbers: for the last lines of a run, and for scripts."""
+"""The result in a few numbers, for the screen and for scripts."""
 
 import math
 import textwrap
@@ -30,7 +30,7 @@ def found_in(run: RunDirectory) -> tuple[tuple[Row, ...], Result | None]:
 
 
 def answer(run: RunDirectory) -> dict[str, Any]:
-    """How far a run has come and what it has found, in what JSON can hold; SI units."""
+    """State and result of a run as JSON values; SI units."""
     with np.errstate(all="ignore"):
         facts = gather(run)
         found, header = facts.result, facts.header
@@ -108,14 +108,14 @@ def _reference(facts: Facts) -> dict[str, Any]:
 
 
 def _finite(value: Any) -> Any:
-    """The value with None in the place of what JSON cannot hold."""
+    """The value, with None instead of numbers that JSON cannot hold."""
     if isinstance(value, Mapping):
         return {key: _finite(its) for key, its in value.items()}
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def as_text(run: RunDirectory, width: int = WIDTH) -> str:
-    """How far a run has come and what it has found, in lines of at most `width` columns."""
+    """State and result of a run, in lines of at most `width` columns."""
     with np.errstate(all="ignore"):
         facts = gather(run)
         lines = [
@@ -171,7 +171,7 @@ def _reference_lines(facts: Facts) -> list[tuple[str, str]]:
     if its is None:
         return []
     if its.noted.why_not is not None:
-        return [("reference", f"left out: {its.noted.why_not}")]
+        return [("reference", f"skipped: {its.noted.why_not}")]
     said = [
         f"{design} {facts.shown.full(pair.there.value)}"
         for design, pair in its.pairs.items()

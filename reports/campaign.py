@@ -1,4 +1,4 @@
-"""How a search went: its generations, the work of its stages (table 3), its failures."""
+"""A search in numbers: generations, work of the stages (table 3), failures."""
 
 import math
 import re
@@ -64,7 +64,7 @@ class Cost:
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """Failed runs that ended alike."""
+    """Failed runs with the same status and reason."""
 
     status: str
     why: str
@@ -73,7 +73,7 @@ class Failure:
 
 
 def steps(generations: Sequence[Generation], rows: Sequence[Row]) -> list[Step]:
-    """What each generation gave, in their order."""
+    """The results of each generation, in order."""
     by_number: dict[int, list[Row]] = {}
     for row in rows:
         if row.purpose == "search":
@@ -187,7 +187,7 @@ def cost_words(cost: Cost) -> str:
 
 
 def hours(cpu_s: float) -> str:
-    """CPU time in the unit that reads best."""
+    """CPU time in seconds, minutes or hours, whichever reads best."""
     if cpu_s < 60.0:
         return f"{number(cpu_s, 2)}\u202fCPU s"
     if cpu_s < 3600.0:
@@ -198,7 +198,7 @@ def hours(cpu_s: float) -> str:
 def failures(rows: Sequence[Row]) -> list[Failure]:
     """Failed runs by status and reason, most frequent first.
 
-    Reasons that differ in their numbers alone are one; that of the first run is shown.
+    Reasons that differ only in numbers count as one; the reason of the first run is shown.
     """
     alike: dict[tuple[str, str], list[tuple[str, str]]] = {}
     for row in rows:
@@ -214,9 +214,9 @@ def failures(rows: Sequence[Row]) -> list[Failure]:
 
 
 def reason(why: str) -> str:
-    """Why a run failed without the folder that it had to itself, and not longer than a table bears.
+    """Why a run failed: without the name of the run's folder, and short enough for a table.
 
-    The last words of a log say more than its first.
+    Begin and end of a long log are kept.
     """
     text = OWN_FOLDER.sub("", why).strip()
     half = LONGEST_REASON // 2

@@ -1,4 +1,4 @@
-"""The figures of a report, as SVG. They only draw; what they show is computed elsewhere.
+"""The figures of a report as SVG. This module only draws; other modules compute the data.
 
 Colours are Okabe and Ito's (2008); best and baseline also differ in their dashes.
 """
@@ -66,7 +66,7 @@ def as_svg(figure: "Figure") -> str:
 
 @contextmanager
 def styled() -> Iterator[None]:
-    """The context that every figure is drawn in."""
+    """Context with the style of all figures."""
     import matplotlib
 
     with matplotlib.rc_context(STYLE), warnings.catch_warnings():
@@ -75,7 +75,7 @@ def styled() -> Iterator[None]:
 
 
 def legend_below(figure: "Figure", axes: "Sequence[Axes]") -> None:
-    """One legend for all panels along the lower edge, where it covers no data."""
+    """One legend for all panels, below them, so that no data is covered."""
     named = [pair for axis in axes for pair in zip(*axis.get_legend_handles_labels(), strict=True)]
     if named:
         handles, labels = zip(*named, strict=True)
@@ -83,13 +83,13 @@ def legend_below(figure: "Figure", axes: "Sequence[Axes]") -> None:
 
 
 def short(name: str) -> str:
-    """A name in one line, cut where a figure has no room for it."""
+    """A name in one line, cut to the room that a figure has."""
     line = " ".join(name.split())
     return line if len(line) <= LONGEST_NAME else f"{line[: LONGEST_NAME - 1]}\u2026"
 
 
 def drawable(values: ArrayLike) -> Array:
-    """Values as an axis can hold them; nan where a sum or a square of them would overflow."""
+    """Values that an axis can show; nan if a sum or a square would overflow."""
     its = np.asarray(values, dtype=float)
     return np.where(np.abs(its) < 1.0 / TINY, np.where(np.abs(its) < TINY, 0.0, its), np.nan)
 
@@ -162,7 +162,7 @@ def progress(
 
 
 def scale(axis: "Axes", values: Array) -> None:
-    """A logarithmic axis where a linear one would hide detail."""
+    """Make the axis logarithmic if a linear axis would hide detail."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     finite = values[np.isfinite(values)]
@@ -190,7 +190,7 @@ def _failed(axis: "Axes", steps: Sequence[Step]) -> None:
 
 
 def bands(steps: Sequence[Step]) -> list[tuple[str, int, int]]:
-    """Stretches of generations on one level: its name, first and last number."""
+    """Successive generations on one level: name of the level, first and last number."""
     made: list[tuple[str, int, int]] = []
     for s in steps:
         g = s.generation
@@ -246,7 +246,7 @@ def draw_restarts(axes: "Sequence[Axes]", places: Sequence[float]) -> None:
 
 
 def label_rows(lefts: Sequence[float], labels: Sequence[str]) -> list[int]:
-    """Row of each label so that none lies on another; `lefts` as shares of the width, rising."""
+    """A row for each label, so that none overlap; `lefts` are rising shares of the width."""
     ends: list[float] = []
     rows = []
     for left, label in zip(lefts, labels, strict=True):

@@ -1,4 +1,4 @@
-"""The course of a search that says what its generations taught, over the work it spent."""
+"""The course of a search over the work spent, if its generations gave insights."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ LEVEL_CHANGE = "level change to "
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """One generation, the work when it began and ended, and what it taught."""
+    """One generation: the work at begin and end, and the insight."""
 
     generation: Generation
     began: float  # [full runs]
@@ -47,7 +47,7 @@ class Course:
 
 
 def course(run: RunDirectory, rows: Sequence[Row]) -> Course | None:
-    """The course of a search; None where it gives no insights, or its work cannot be drawn."""
+    """The course of a search; None without insights, or if the work cannot be drawn."""
     levels = run.header["levels"]
     search = [r for r in rows if r.purpose == "search"]
     if not (run.insights and search and levels[-1]["work"] > 0.0):
@@ -92,7 +92,7 @@ def changes(generations: Sequence[Generation]) -> list[tuple[str, int, str]]:
 
 
 def restart_places(its: Course) -> list[float]:
-    """Work at each restart that is no change of level [full runs]."""
+    """Work at each restart within a level [full runs]."""
     numbers = {
         number for mark, number, _ in changes([look.generation for look in its.looks])
         if mark not in its.levels

@@ -1,4 +1,4 @@
-"""The figure of a search that gives insights: estimate, runs, how sure its rankings were."""
+"""The figure of a search with insights: estimate, runs, certainty of the rankings."""
 
 from itertools import groupby
 from typing import TYPE_CHECKING
@@ -111,7 +111,7 @@ def _belief(axis: "Axes", its: Course, shown: Display, confirmed: Comparison | N
 
 
 def _limits(axis: "Axes", values: Array) -> None:
-    """Room for all values, bounds of intervals among them."""
+    """Limits of the axis that hold all values, including the bounds of intervals."""
     if not values.size:
         return
     low, high = float(values.min()), float(values.max())

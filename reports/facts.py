@@ -1,4 +1,4 @@
-"""What a run directory says, read once: for the pages, the screen and scripts."""
+"""The contents of a run directory, read once for the pages, the screen and scripts."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,13 +17,13 @@ from reports.units import Display, display
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Facts:
-    """What the run directory says, reduced and evaluated; all text in it can be shown."""
+    """The contents of a run directory, reduced and evaluated; all text is printable."""
 
     run: RunDirectory
     rows: tuple[Row, ...]
     result: Result | None
     steps: list[campaign.Step]
-    course: Course | None  # of a search that says what its generations taught
+    course: Course | None  # of a search with insights
     stages: list[campaign.Stage]
     costs: list[campaign.Cost]
     name: str  # of the objective, in words

@@ -1,6 +1,6 @@
-"""What an engineer asks of the machine, for a first look: one quantity a line.
+"""The first table of a report: the quantities that an engineer asks of the machine.
 
-The objective adds quantities up. Here each stands for itself, so that none hides behind another.
+The objective is a sum. This table shows each quantity alone, so none can hide another.
 """
 
 import math
@@ -55,7 +55,7 @@ class Need:
         return self.shown.text(value, 3)
 
     def range(self, design: str) -> str:
-        """Smallest and largest value over the runs; nothing for one run, or where they agree."""
+        """Smallest and largest value over the runs; empty for one run, or if both are equal."""
         its = self.spreads[design]
         low, high = self.text(its.low), self.text(its.high)
         return "" if its.runs < 2 or low == high else f"{low} to {high}"

@@ -1,4 +1,4 @@
-"""The page of a report: everything its template sets, computed once for both forms."""
+"""The contents of a report page, computed once for HTML and PDF."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -64,7 +64,7 @@ def context(run: RunDirectory, describe: Describe) -> dict[str, Any]:
 
 
 def _work_head(facts: Facts) -> str:
-    """Head of the column of predicted work: in spheres and steps only where levels have grains."""
+    """Head of the column of predicted work; the unit is sphere-steps if levels have grains."""
     grains = any(level["grains"] for level in facts.header["levels"])
     return "work [sphere-steps]" if grains else "work, as the study states it"
 
@@ -89,7 +89,7 @@ def needed(facts: Facts) -> dict[str, Any] | None:
 
 
 def _cell(line: Need, design: str) -> tuple[str, str, str]:
-    """Median, range and what is wrong with it."""
+    """Median, range and fault."""
     if design not in line.spreads:
         return MISSING, "", ""
     return line.text(line.spreads[design].median), line.range(design), line.fault(design)
@@ -245,7 +245,7 @@ def cards(facts: Facts, best: DesignView | None) -> list[tuple[str, str, str]]:
 
 
 def _cost_card(costs: Sequence[campaign.Cost]) -> tuple[str, str, str]:
-    """What the search cost, and apart from it the phases that belong to no search."""
+    """The cost of the search, and separately of the other phases."""
     search = [cost for cost in costs if cost.phase in campaign.OF_SEARCH]
     parts = [f"{number(c.work, 3)} {c.phase}" for c in costs if c.phase not in campaign.OF_SEARCH]
     runs, failed = sum(c.runs for c in costs), sum(c.failed for c in costs)

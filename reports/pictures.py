@@ -31,7 +31,7 @@ def part_colour(name: str) -> tuple[float, float, float]:
 
 
 def extent(views: Sequence[DesignView]) -> Array:
-    """Points (n, 3) [m] that pictures of the designs must hold; the plate runs out of them."""
+    """Points (n, 3) [m] that pictures of the designs must show; the plate may be cut off."""
     meshes = [m for view in views for name, m in view.parts.items() if name != "plate"]
     return np.concatenate([vertices for vertices, _ in meshes])
 

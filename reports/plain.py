@@ -1,4 +1,4 @@
-"""Text of users as a page can hold it: what no font draws and no XML allows is written out."""
+"""Text of users made printable: escapes replace characters that fonts or XML do not allow."""
 
 import re
 from collections.abc import Mapping

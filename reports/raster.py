@@ -1,9 +1,8 @@
 """A small software renderer: triangles and spheres, seen in parallel projection.
 
-Written out in numpy because a report must also come out on a machine without any OpenGL,
-where the renderers at hand end the whole process instead of raising an error.
-A pixel keeps what is nearest to the viewer (depth buffer); each pixel is later averaged
-from `SAMPLES` x `SAMPLES` finer ones against jagged edges.
+It needs numpy only. A report must also work on a machine without OpenGL, where other renderers end
+the whole process instead of raising an error. A pixel shows what is nearest to the viewer (depth
+buffer). Against jagged edges, each pixel is the average of `SAMPLES` x `SAMPLES` finer pixels.
 """
 
 from dataclasses import dataclass
@@ -58,7 +57,7 @@ class View:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Picture:
-    """What has been drawn so far."""
+    """The drawing so far."""
 
     colour: Pixels  # (rows, columns, 3) 0..1
     near: Pixels  # (rows, columns) nearness in finer pixels; -inf where nothing is

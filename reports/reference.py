@@ -1,6 +1,6 @@
-"""Best and baseline once more on another engine: beside the target level's runs, and in words.
+"""Best design and baseline repeated on another engine, compared with runs at the target level.
 
-It is one run of each, so it can contradict the result, but not prove it.
+Each design has one run there. One run can contradict the result, but not prove it.
 """
 
 import math
@@ -21,7 +21,7 @@ DESIGNS: Mapping[str, tuple[Purpose, Purpose]] = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pair:
-    """A run on the reference engine, and those of the same design at the target level."""
+    """A run on the reference engine, and the runs of the same design at the target level."""
 
     there: Row
     here: Row | None  # with the same seed
@@ -78,7 +78,7 @@ def _cells(pair: Pair | None, unit: Display, read: Callable[[Row], float]) -> li
 
 
 def ratio(there: float, here: float) -> str:
-    """`there` over `here`, where that means something."""
+    """`there` over `here`; a dash unless both are finite and `here` is positive."""
     whole = math.isfinite(there) and math.isfinite(here) and here > 0.0
     return number(there / here, 3) if whole else MISSING
 
@@ -92,14 +92,14 @@ def words(its: Repeated, engine: str, shown: Display) -> str:
         shown: how values of the objective are shown.
     """
     if its.noted.why_not is not None:
-        return f"The reference run is left out: {its.noted.why_not}."
+        return f"The reference run was skipped: {its.noted.why_not}."
     reference = f"{its.noted.engine} {its.noted.version}"
     pairs = {design: pair for design, pair in its.pairs.items() if pair is not None}
     if not pairs:
         return f"The reference run on {reference} has not been made yet."
     seed = next(iter(pairs.values())).there.seed
     said = [
-        f"Best and baseline were run once more on {reference}, with the settings of the target "
+        f"Best design and baseline were repeated on {reference}, with the settings of the target "
         f"level and seed {seed}.",
         *(_place(design, pair, engine, shown) for design, pair in pairs.items()),
         *_verdict(pairs, engine),
@@ -125,7 +125,7 @@ def _place(design: str, pair: Pair, engine: str, shown: Display) -> str:
 
 
 def _verdict(pairs: Mapping[str, Pair], engine: str) -> list[str]:
-    """Whether the best design is the better one there, too."""
+    """Whether the best design is better than the baseline on the reference engine, too."""
     if len(pairs) < len(DESIGNS):
         return []
     best, base = pairs["best"], pairs["baseline"]
@@ -137,11 +137,13 @@ def _verdict(pairs: Mapping[str, Pair], engine: str) -> list[str]:
         case True, True:
             by = [_reduction(best.there, base.there), _reduction(best.here, base.here)]
             shares = f", by {by[0]}, {same} by {by[1]}" if all(by) else ""
-            return [f"There, too, the best design is better than the baseline{shares}."]
+            return [f"The best design is better than the baseline there, too{shares}."]
         case False, True:
-            return ["There the best design is not better than the baseline, against the result."]
+            return [
+                "The best design is not better than the baseline there, contrary to the result."
+            ]
         case True, False:
-            return [f"There the best design is better than the baseline, {same} it is not."]
+            return [f"The best design is better than the baseline there, but not {same}."]
         case _:
             return [f"The best design is not better than the baseline there, nor {same}."]
 
@@ -153,7 +155,7 @@ def _better(best: Row | None, base: Row | None) -> bool | None:
 
 
 def _reduction(best: Row | None, base: Row | None) -> str:
-    """Reduction in words; empty where a percentage means nothing."""
+    """Reduction in words; empty if a percentage has no meaning."""
     if best is None or base is None or not (base.value > 0.0 and best.value >= 0.0):
         return ""
     return f"{number(100.0 * (1.0 - best.value / base.value), 3)}\u202f%"

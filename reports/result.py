@@ -1,4 +1,4 @@
-"""The result of a run: its best design, and what fresh seeds say about it."""
+"""The result of a run: the best design, and its runs on fresh seeds."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -16,7 +16,7 @@ SOLUTIONS = 6  # as many as fit a page's width beside bounds and baseline
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Result:
-    """The best design so far and how it was confirmed."""
+    """The best design so far, and its confirmation."""
 
     found: Row  # the run of the search that found it, or its first confirmation
     confirmations: tuple[Row, ...]  # runs of it with fresh seeds
@@ -94,7 +94,7 @@ def _quantities(best: Sequence[Row], baseline: Sequence[Row]) -> dict[str, Compa
 def compare(
     best: Sequence[Row], baseline: Sequence[Row], quantity: Callable[[Row], float]
 ) -> Comparison | None:
-    """Pair the runs of two designs by seed; None without a pair or where it does not apply."""
+    """Pair the runs of two designs by seed; None without a pair or without finite values."""
     of_best = {r.seed: quantity(r) for r in best}
     of_baseline = {r.seed: quantity(r) for r in baseline}
     seeds = tuple(sorted(of_best.keys() & of_baseline.keys()))

@@ -1,4 +1,4 @@
-"""The result in one sentence, and what must be said about how far the run has come."""
+"""The result in one sentence, and the state of the run in words."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -19,11 +19,11 @@ def objective_name(header: Mapping[str, Any]) -> str:
 
 
 def state(end: str | None, rows: Sequence[Row]) -> str | None:
-    """What a reader must know first about a run that has not ended; None once it has."""
+    """The state of a run that has not ended; None for a run that has."""
     if end is not None:
         return None
     made = f"{len(rows)} run{'s' * (len(rows) != 1)} made so far" if rows else "no run made so far"
-    return f"This run has not ended: it is still running, or it broke off ({made})."
+    return f"This run has not ended: it is still running or was interrupted ({made})."
 
 
 def sentence(
@@ -58,7 +58,7 @@ def sentence(
 
 
 def _no_better(its: Comparison) -> str:
-    """What to do where nothing was found."""
+    """Advice if no better design was found."""
     better = its.median_best < its.median_baseline
     return "" if better else "No better design was found: keep the baseline. "
 
@@ -96,7 +96,7 @@ def _unconfirmed(
 
 
 def believed(belief: Insight, shown: Display) -> str:
-    """What a search believes of a design, with its interval in words; without, if it is exact."""
+    """The search's estimate of a design with the interval, or without if the estimate is exact."""
     if belief.exact:
         return shown.full(belief.mean)
     low, high = belief.interval
@@ -116,8 +116,8 @@ def chosen(result: Result, *, method: str | None, insights: bool, finalists: int
     if finalists < 2:
         return text
     return (
-        f"{text} Then the {finalists} most promising designs were run at the target level on seeds "
-        "of their own. The one with the lowest mean there is the best design."
+        f"{text} Then the {finalists} most promising designs were run at the target level on other "
+        "seeds. The design with the lowest mean is the best design."
     )
 
 
@@ -132,28 +132,28 @@ def _chosen_by_search(result: Result, *, method: str | None, insights: bool) -> 
     elif method != "assisted":
         return (
             "The search proposed the design with the lowest value of one run at the finest level "
-            "that it reached. Such a value is on the optimistic side, since the lowest of many "
-            "noisy values was picked; fresh seeds tell what the design is worth."
+            "that it reached. Such a value is too optimistic, because it is the lowest of many "
+            "noisy values; runs on fresh seeds show the real value."
         )
     elif result.belief is not None and result.belief.exact:
         return (
             f"Runs at level {result.belief.level} do not scatter: a design that was run again on "
-            "another seed had the same value. So the best run there was chosen."
+            "another seed had the same value. So the design of the best run was chosen."
         )
     else:
         text = (
-            "A surrogate, a model of the objective that learns from the runs at all levels, "
-            "estimates what a design is worth apart from noise. The design with the lowest "
-            "estimate was chosen, not the one with the lowest value of a single run. To the "
-            "estimates of the candidates one standard deviation of doubt is added, because the "
-            "lowest of many is lucky; to that of the average around which they are drawn, only "
-            "what a run of it would settle."
+            "A surrogate, a model of the objective, learns from the runs at all levels and "
+            "estimates the objective of a design without noise. The design with the lowest "
+            "estimate was chosen, not the design with the lowest single run. For candidates the "
+            "estimate includes one standard deviation of doubt, because the lowest of many values "
+            "is partly luck. For the centre of the distribution it includes only the doubt that "
+            "one more run would remove."
         )
     if result.belief is None:
         return text
     return (
-        f"{text} The estimate is that of generation {result.belief.generation}, for level "
-        f"{result.belief.level}; the truth lies within its interval with 95\u202f% probability."
+        f"{text} The estimate comes from generation {result.belief.generation} and is for level "
+        f"{result.belief.level}; the true value lies in the interval with 95\u202f% probability."
     )
 
 
@@ -162,7 +162,7 @@ def _article(word: str) -> str:
 
 
 def against(comparison: Comparison, shown: Display) -> str:
-    """How the best design's median stands to the baseline's."""
+    """The best design's median compared with the baseline's, in words."""
     base, reduction = shown.full(comparison.median_baseline), comparison.reduction
     if reduction is None:
         return f"against {base} of the baseline"
@@ -179,7 +179,7 @@ def interval_text(interval: Interval | None, shown: Display, significant: int = 
 
 
 def at_bounds(share: float) -> str:
-    """Whether a variable at this share of its range sits at a bound: then widen it."""
+    """Whether a variable at this share of the range is at a bound; a wider bound may help then."""
     margin = 0.01  # of the range; a search rarely ends exactly on a bound
     if share < margin:
         return "at its lower bound"

@@ -1,4 +1,4 @@
-"""The few statistics of a report, chosen so that they stay honest with few seeds."""
+"""The statistics of a report; they hold for few seeds, too."""
 
 import math
 from dataclasses import dataclass
@@ -33,8 +33,8 @@ def coverage(n: int, k: int) -> float:
 def median_interval(values: Array, confidence: float = CONFIDENCE) -> Interval | None:
     """Order-statistic interval of the median, the narrowest that covers `confidence`.
 
-    With too few values for it, the whole range with the coverage that it has; None for fewer
-    than two values.
+    If there are too few values, the interval is the whole range, with a lower coverage. None for
+    fewer than two values.
     """
     n = len(values)
     if n < 2:
@@ -83,7 +83,7 @@ class Comparison:
 
     @property
     def reduction_interval(self) -> Interval | None:
-        """Interval of the reduction seed by seed [%]: pairs share what the seed decides."""
+        """Interval of the reduction [%], from pairs of runs with the same seed."""
         whole = np.isfinite(self.best) & np.isfinite(self.baseline) & (self.baseline > 0.0)
         if self.reduction is None or not whole.all():
             return None

@@ -1,4 +1,4 @@
-"""Numbers and units as a reader wants them; everywhere else SI units hold."""
+"""Numbers and units for readers; all other modules use SI units."""
 
 import math
 import sys
@@ -34,7 +34,7 @@ class Display:
         return f"[{self.unit}]"
 
     def text(self, value: float | None, significant: int = 4) -> str:
-        """The number alone, without its unit; an infinite one is that of a failed run."""
+        """The number without the unit; infinity means a failed run."""
         if value is None:
             return MISSING
         if math.isinf(value):
@@ -63,7 +63,7 @@ def display(unit: str, values: ArrayLike) -> Display:
 
 
 def number(value: float | None, significant: int = 4) -> str:
-    """A number to so many significant digits; never in exponents where it reads without."""
+    """A number to so many significant digits; with an exponent only if it is needed."""
     if value is None or math.isnan(value):
         return MISSING
     if math.isinf(value):
@@ -90,7 +90,7 @@ def fixed(value: float, decimals: int) -> str:
 def design_display(unit: str, lower: float, upper: float) -> Display:
     """How a design variable is shown: decimals that resolve a thousandth of its range.
 
-    Where those would be too many to read, so many significant digits as elsewhere.
+    If there would be too many decimals to read, the usual significant digits.
     """
     shown = display(unit, [lower, upper])
     width = (upper - lower) * shown.factor

@@ -1,4 +1,4 @@
-"""The designs as the viewer in the page reads them."""
+"""The designs in the format of the viewer in the page."""
 
 import base64
 import json
@@ -13,7 +13,7 @@ from reports.pictures import TRANSLUCENT, extent, part_colour
 def scene(views: Sequence[DesignView]) -> str:
     """Meshes of the designs as JSON that can stand inside an HTML script element.
 
-    All designs share the centre and the radius [m] of what is to be seen, so that they compare.
+    All designs share one centre and one radius [m], so that they appear at the same scale.
     """
     points = extent(views)
     low, high = points.min(axis=0), points.max(axis=0)

@@ -101,7 +101,7 @@ def test_the_report_says_how_the_design_was_chosen(
     write_report(run, html=page, pdf=tmp_path / "r.pdf")
     text = " ".join(page.read_text(encoding="utf-8").split())
     for phrase in (
-        "How the best design was chosen", "not the one with the lowest value of a single run",
+        "How the best design was chosen", "not the design with the lowest single run",
         "estimated by the search", "100.0", "80.40 to 119.6", "95 % probability",
         "<strong>yade-1000</strong> from generation 3 on: converged", "validation",
         "Four aligned panels",
@@ -120,7 +120,7 @@ def test_where_runs_do_not_scatter_the_report_says_that_the_best_run_was_chosen(
     page = tmp_path / "r.html"
     write_report(run, html=page)
     text = " ".join(page.read_text(encoding="utf-8").split())
-    assert "So the best run there was chosen" in text
+    assert "So the design of the best run was chosen" in text
     assert ">runs do not scatter</td>" in text
     assert "not the one with the lowest value" not in text
 

@@ -94,10 +94,10 @@ def test_the_chance_to_lie_outside_the_range_is_two_in_n_plus_one() -> None:
 @pytest.mark.parametrize(
     ("best", "baseline", "verdict"),
     [
-        (0.11, 0.22, "There, too, the best design is better than the baseline, by 50.0 %, on numba "
+        (0.11, 0.22, "The best design is better than the baseline there, too, by 50.0 %, on numba "
                      "with the same seed by 50.0 %."),
-        (0.22, 0.22, "not better than the baseline, against the result"),
-        (0.30, 0.22, "not better than the baseline, against the result"),
+        (0.22, 0.22, "not better than the baseline there, contrary to the result"),
+        (0.30, 0.22, "not better than the baseline there, contrary to the result"),
     ],
 )  # fmt: skip
 def test_it_says_whether_the_best_design_is_better_there(
@@ -108,12 +108,12 @@ def test_it_says_whether_the_best_design_is_better_there(
 
 def test_a_best_design_that_was_not_confirmed_is_not_called_contradicted() -> None:
     worse = [row("confirm best", 7, 0.3), row("confirm baseline", 7, 0.2)]
-    for best, verdict in ((0.1, "on numba with the same seed it is not"), (0.3, "nor on numba")):
+    for best, verdict in ((0.1, "but not on numba with the same seed"), (0.3, "nor on numba")):
         there = [row("reference best", 7, best), row("reference baseline", 7, 0.2)]
         its = repeated([*worse, *there], NOTED)
         assert its is not None
         assert verdict in said(its)
-        assert "against the result" not in said(its)
+        assert "contrary to the result" not in said(its)
 
 
 def test_a_failed_run_is_told_with_its_reason_and_decides_nothing() -> None:
@@ -130,4 +130,4 @@ def test_what_is_missing_is_said() -> None:
     assert said(waiting) == "The reference run on yade 2023.02a has not been made yet."
     left_out = repeated(CONFIRMED, Reference(why_not="yade is not installed"))
     assert left_out is not None
-    assert said(left_out) == "The reference run is left out: yade is not installed."
+    assert said(left_out) == "The reference run was skipped: yade is not installed."

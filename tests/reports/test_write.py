@@ -54,7 +54,7 @@ def test_html_says_what_was_asked(report: tuple[Path, Path]) -> None:
         "fresh seeds", "below the baseline", "filling time", "physical lower bound",
         "93.8 %", "Best solutions", "Work and CPU time", "energy grew past 10 J",
         "y1 and y2 exchanged", "2023.02a", "1001, 1002", "not developable",
-        "typical of generation 1", "once more on longdouble 2022.01a",
+        "typical of generation 1", "repeated on longdouble 2022.01a",
     ):  # fmt: skip
         assert phrase in text, phrase
     assert "has not ended" not in text
@@ -124,7 +124,7 @@ def test_a_reference_run_that_is_left_out_is_told_with_the_remedy(
     run.add_reference(Reference(why_not="yade is not installed; install it"))
     write_report(run, describe=machine, html=tmp_path / "r.html")
     text = words(tmp_path / "r.html")
-    assert "The reference run is left out: yade is not installed; install it." in text
+    assert "The reference run was skipped: yade is not installed; install it." in text
     assert "on the reference engine" not in text
 
 
