@@ -4,6 +4,7 @@ A scene (dosing) builds a `Setup`; an engine (yade, bullet) moves the grains and
 a `Movement`; the scene turns that into an outcome. The same holds for filling the cup.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal, Protocol
@@ -118,8 +119,18 @@ class Wall:
     triangles: IntArray  # (t, 3)
     material: Material
     motion: WallMotion | None = None  # None: it stands still
+    # [rad] of grains on this wall; None: the smaller one of the two materials' angles
+    friction_angle: float | None = None
+    until: float = math.inf  # [s] from then on the wall is gone; all other contacts stay
 
     def __post_init__(self) -> None:
+        if self.friction_angle is not None and not 0 <= self.friction_angle < math.pi / 2:
+            raise ConfigError(
+                f"wall {self.name!r}: friction_angle = {self.friction_angle:g} rad must be at "
+                "least 0 and below pi/2; None takes the smaller one of the materials"
+            )
+        if math.isnan(self.until):
+            raise ConfigError(f"wall {self.name!r}: until = nan must be a time [s]")
         v, t = len(self.vertices), len(self.triangles)
         require_numbers(f"corners of the wall {self.name!r} [m]", self.vertices, (v, 3))
         require_numbers(f"triangles of the wall {self.name!r}", self.triangles, (t, 3), above=-1)
@@ -150,14 +161,29 @@ class Physics:
     restitution: float | None = None  # [-] viscous contact damping that returns this
     damping: float = 0.2  # YADE's numerical (Cundall) damping
     damp_gravity: bool = False  # True: the damping also slows free fall, as in the paper
-    gravity: float = 9.81  # [m/s2], along -z
+    gravity: float = 9.81  # [m/s2]
+    gravity_direction: tuple[float, float, float] = (0.0, 0.0, -1.0)  # unit vector
     timestep_factor: float = 0.6  # of r_min sqrt(density / E), for engines that use it
     rolling_friction: float = 0.0  # [-] largest rolling moment over normal force and radius
+    rolling_stiffness: float = 1.0  # [-] of the rolling spring, over kt R*^2 of the contact
     adhesion_energy: float = 0.0  # [J/m2] work of adhesion; pull-off 2 pi R times it
     # Air, for a grain of scale 1; with the scale s the coefficients fall as 1/s2 and 1/s.
     linear_drag: float = 0.0  # [1/s] deceleration per speed
     quadratic_drag: float = 0.0  # [1/m] deceleration per squared speed
     body_forces: tuple[BodyForce, ...] = ()
+
+    def __post_init__(self) -> None:
+        length = math.hypot(*self.gravity_direction)
+        if not abs(length - 1.0) < 1e-9:
+            raise ConfigError(
+                f"gravity_direction = {self.gravity_direction} has the length {length:g}, and must "
+                "be a unit vector; divide it by its length"
+            )
+        if not 0.0 < self.rolling_stiffness < math.inf:
+            raise ConfigError(
+                f"rolling_stiffness = {self.rolling_stiffness:g} must be above 0 and finite; "
+                "set rolling_friction = 0 to leave rolling free"
+            )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -70,7 +70,7 @@ def make_lists(t, time):  # type: ignore[no-untyped-def]
         if not list_pairs(state, t.pairs, t.touching, t.scratch, t.reach, rolling, k):
             return MORE_PAIRS
         t.stage[0] = PAIRED
-    if not list_walls(state, t.walls, t.surface, t.grid, t.scratch, k):
+    if not list_walls(state, t.walls, t.surface, t.grid, t.scratch, k, time):
         return MORE_WALLS
     t.stage[0] = FRESH
     return DONE

@@ -4,6 +4,7 @@ import numpy as np
 
 from fidelity.dem import state as at
 from fidelity.dem.history import store_history
+from fidelity.dem.integrate import Field
 from fidelity.dem.scratch import spread
 from fidelity.dem.state import State
 from fidelity.dem.tables import FRESH, STORED, Tables
@@ -22,7 +23,7 @@ def regroup(tables: Tables) -> None:
         return  # at the next look
     n = int(state.counts[at.GRAINS])
     left = state.bodies.left[:n]
-    state.budget[at.CARRIED] += _energy(state, np.flatnonzero(left), t.field.gravity)
+    state.budget[at.CARRIED] += _energy(state, np.flatnonzero(left), t.field)
     staying = np.flatnonzero(~left)
     order = staying[_by_place(state, staying)]
     new_row = np.full(n, -1)
@@ -35,13 +36,14 @@ def regroup(tables: Tables) -> None:
     state.counts[at.STALE], t.stage[0] = 1, STORED
 
 
-def _energy(state: State, rows: IntArray, gravity: float) -> float:
+def _energy(state: State, rows: IntArray, field: Field) -> float:
     """Kinetic and potential energy of some grains [J]."""
     bodies = state.bodies
     mass, x = bodies.inertia[rows, 0], bodies.kinematics[rows]
     spin = (bodies.momentum[rows] * x[:, 6:9]).sum(axis=1)
     kinetic = 0.5 * (mass * (x[:, 3:6] ** 2).sum(axis=1) + spin)
-    return float((kinetic + mass * gravity * x[:, 2]).sum())
+    aside = field.side_x * x[:, 0] + field.side_y * x[:, 1]
+    return float((kinetic + mass * field.gravity * x[:, 2] - mass * aside).sum())
 
 
 def _by_place(state: State, rows: IntArray) -> IntArray:

@@ -29,6 +29,8 @@ class Field(NamedTuple):
     """What acts on grains besides contacts."""
 
     gravity: float  # [m/s2] along -z
+    side_x: float  # [m/s2] gravity along x
+    side_y: float  # [m/s2] along y
     damping: float
     damp_gravity: bool
     linear_drag: float  # [1/s] at scale 1
@@ -59,6 +61,7 @@ def integrate(state, shape, field, time, dt, kick, viscous, measure):  # type: i
     h = kick * dt
     damped = absorbed = dragged = worked = kinetic = potential = 0.0
     stale = False
+    tilted = field.side_x != 0.0 or field.side_y != 0.0
     passed = time + dt - state.drift[3]
     drift_x, drift_y, drift_z = (
         passed * state.drift[0],
@@ -70,24 +73,28 @@ def integrate(state, shape, field, time, dt, kick, viscous, measure):  # type: i
         vx, vy, vz = kin[g, 3], kin[g, 4], kin[g, 5]
         ax, ay, az = kin[g, 9] * light, kin[g, 10] * light, kin[g, 11] * light
         tx, ty, tz = kin[g, 12], kin[g, 13], kin[g, 14]
-        weight = -field.gravity
+        weight, side_x, side_y = -field.gravity, field.side_x, field.side_y
         ex = ey = ez = qx = qy = qz = 0.0  # what damping adds to acceleration and torque
         if field.damping > 0.0:
             if field.damp_gravity:
                 az += weight
+                if tilted:
+                    ax, ay = ax + side_x, ay + side_y
             ex, ey, ez = ax, ay, az
             ax = brake(ax, vx + 0.5 * h * ax, field.damping)
             ay = brake(ay, vy + 0.5 * h * ay, field.damping)
             az = brake(az, vz + 0.5 * h * az, field.damping)
             ex, ey, ez = ax - ex, ay - ey, az - ez
             if field.damp_gravity:
-                weight = 0.0
+                weight = side_x = side_y = 0.0
             qx, qy, qz = tx, ty, tz
             tx = brake(tx, kin[g, 6], field.damping)
             ty = brake(ty, kin[g, 7], field.damping)
             tz = brake(tz, kin[g, 8], field.damping)
             qx, qy, qz = tx - qx, ty - qy, tz - qz
         az += weight
+        if tilted:
+            ax, ay = ax + side_x, ay + side_y
         rate = 0.0
         if field.linear_drag > 0.0 or field.quadratic_drag > 0.0:
             speed = math.sqrt(vx * vx + vy * vy + vz * vz)
@@ -144,6 +151,8 @@ def integrate(state, shape, field, time, dt, kick, viscous, measure):  # type: i
             uz = m[2] * lx0 + m[5] * ly0 + m[8] * lz0
             kinetic += 0.5 * (ux * ux * i1 + uy * uy * i2 + uz * uz * i3)
             potential += mass * field.gravity * kin[g, 2]
+            if tilted:
+                potential -= mass * (field.side_x * kin[g, 0] + field.side_y * kin[g, 1])
         mom[g, 0], mom[g, 1], mom[g, 2] = lx, ly, lz
         kin[g, 3], kin[g, 4], kin[g, 5] = nvx, nvy, nvz
         kin[g, 6] = m[0] * cx + m[1] * cy + m[2] * cz

@@ -28,7 +28,7 @@ class Pair(NamedTuple):
 
     normal: float  # [Pa]
     tangential: float  # [Pa]
-    friction: float  # [-] tangent of the smaller friction angle
+    friction: float  # [-] tangent of the friction angle
 
 
 class Law(NamedTuple):
@@ -37,6 +37,7 @@ class Law(NamedTuple):
     hertz: bool
     zeta: float  # [-] damping ratio
     rolling: float  # [-] rolling friction
+    rolling_spring: float  # [-] stiffness of the rolling spring over kt R*^2
     adhesion: float  # [J/m2]
 
 
@@ -47,13 +48,25 @@ def law_of(physics: Physics) -> Law:
         hertz=physics.contact_law == "hertz",
         zeta=0.0 if e is None else damping_ratio(physics.contact_law, e),
         rolling=physics.rolling_friction,
+        rolling_spring=physics.rolling_stiffness,
         adhesion=physics.adhesion_energy,
     )
 
 
-def pair_of(a: Material, b: Material, physics: Physics, *, wall: bool) -> Pair:
-    """Constants of the contacts of material `a`, a grain's, with `b`, a grain's or a wall's."""
-    friction = math.tan(min(a.friction_angle, b.friction_angle))
+def pair_of(
+    a: Material,
+    b: Material,
+    physics: Physics,
+    *,
+    wall: bool,
+    friction_angle: float | None = None,
+) -> Pair:
+    """Constants of the contacts of material `a`, a grain's, with `b`, a grain's or a wall's.
+
+    `friction_angle` [rad] is that of this contact; None: the smaller one of the two materials.
+    """
+    least = min(a.friction_angle, b.friction_angle)
+    friction = math.tan(least if friction_angle is None else friction_angle)
     if physics.contact_law == "hertz":
         compliance = [(1 - m.poisson_ratio**2) / m.young_modulus for m in (a, b)]
         shear = [

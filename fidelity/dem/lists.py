@@ -123,8 +123,8 @@ def match(scratch, p, total, pairs, count):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def list_walls(state, walls, surface, grid, scratch, per_grain):  # type: ignore[no-untyped-def]
-    """Make the list of spheres at walls; False if there is no room."""
+def list_walls(state, walls, surface, grid, scratch, per_grain, time):  # type: ignore[no-untyped-def]
+    """Make the list of spheres at walls that are there at `time`; False if there is no room."""
     place, listed, moving = state.spheres.place, state.spheres.listed, state.moving
     spheres = state.counts[GRAINS] * per_grain
     entries = count = 0
@@ -132,6 +132,8 @@ def list_walls(state, walls, surface, grid, scratch, per_grain):  # type: ignore
         scratch.entry[i] = -1
         first = count
         for b in range(grid.low.shape[0]):
+            if time >= moving.until[b]:
+                continue
             x, y, z = to_body(moving, b, place[i, 0], place[i, 1], place[i, 2])
             cx = math.floor((x - grid.low[b, 0]) / grid.cell[b])
             cy = math.floor((y - grid.low[b, 1]) / grid.cell[b])

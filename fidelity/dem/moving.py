@@ -7,22 +7,24 @@ import numpy as np
 
 from fidelity.dem.compiled import compiled, inlined
 from fidelity.dem.state import Moving
-from fidelity.dem.surface import Surface
-from fidelity.engine import WallMotion
+from fidelity.dem.surface import Body, Surface
 from mfopt.arrays import IntArray
 
 
-def new_moving(motions: Sequence[WallMotion | None], surface: Surface) -> Moving:
+def new_moving(bodies: Sequence[Body], surface: Surface) -> Moving:
     """All bodies at time 0."""
-    b = len(motions)
+    b = len(bodies)
     pivot, axis, reach = np.zeros((b, 3)), np.zeros((b, 3)), np.zeros(b)
     times, samples = [], []
     first: IntArray = np.zeros(b + 1, dtype=np.int64)
     t = surface.triangles
     corners = np.stack([t[:, :3], t[:, :3] + t[:, 3:6], t[:, :3] + t[:, 6:9]], axis=1)
-    for i, motion in enumerate(motions):
+    for i, (motion, _) in enumerate(bodies):
         first[i + 1] = first[i]
         if motion is None:
+            times.append(np.zeros(1))
+            samples.append(np.zeros((1, 4)))
+            first[i + 1] += 1
             continue
         pivot[i], axis[i] = motion.pivot, motion.axis
         mine = corners[surface.body == i].reshape(-1, 3)
@@ -45,8 +47,9 @@ def new_moving(motions: Sequence[WallMotion | None], surface: Surface) -> Moving
         axis=axis,
         reach=reach,
         first=first,
-        times=np.concatenate(times).astype(np.float64) if times else np.zeros(1),
-        samples=np.concatenate(samples) if samples else np.zeros((1, 4)),
+        until=np.array([body.until for body in bodies]),
+        times=np.concatenate(times).astype(np.float64),
+        samples=np.concatenate(samples),
     )
 
 

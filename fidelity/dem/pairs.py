@@ -97,7 +97,7 @@ def pair_forces(state, pairs, touching, law, pair, dt, measure):  # type: ignore
                 if old:
                     mx, my, mz = old_moment[o, 0], old_moment[o, 1], old_moment[o, 2]
                 mx, my, mz, slip, kr = rolling_moment(
-                    law.rolling, radius, press, kt, grown, nx, ny, nz,
+                    law.rolling, law.rolling_spring, radius, press, kt, grown, nx, ny, nz,
                     wx - ox, wy - oy, wz - oz, mx, my, mz, twist, dt,
                 )  # fmt: skip
                 moment[q, 0], moment[q, 1], moment[q, 2] = mx, my, mz
@@ -165,9 +165,9 @@ def stored(hertz, kn, kt, overlap, sx, sy, sz):  # type: ignore[no-untyped-def]
 
 @compiled
 def rolling_moment(  # type: ignore[no-untyped-def]
-    rolling, radius, press, kt, grown, nx, ny, nz, wx, wy, wz, mx, my, mz, twist, dt
+    rolling, spring, radius, press, kt, grown, nx, ny, nz, wx, wy, wz, mx, my, mz, twist, dt
 ):
-    """Rolling moment on grain i: a spring of stiffness kt R*^2, limited to rolling R* press.
+    """Rolling moment on grain i: a spring of stiffness `spring` kt R*^2, at most rolling R* press.
 
     Source: Ai, Chen, Rotter & Ooi 2011, doi:10.1016/j.powtec.2010.09.030, type C without
     viscous part.
@@ -178,7 +178,7 @@ def rolling_moment(  # type: ignore[no-untyped-def]
     wn = wx * nx + wy * ny + wz * nz
     wx, wy, wz = wx - wn * nx, wy - wn * ny, wz - wn * nz
     hx, hy, hz = turn_into_plane(mx, my, mz, nx, ny, nz, twist)
-    kr = kt * radius * radius
+    kr = spring * (kt * radius * radius)
     keep = min(1.0, grown)  # as of the tangential spring
     mx, my, mz = keep * hx - kr * dt * wx, keep * hy - kr * dt * wy, keep * hz - kr * dt * wz
     mx, my, mz, slips = slide(mx, my, mz, rolling * radius * press)

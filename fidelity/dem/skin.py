@@ -59,8 +59,10 @@ def set_skins(state, reach, per_grain, time):  # type: ignore[no-untyped-def]
 
 @compiled
 def walls_are_stale(moving, drift, time):  # type: ignore[no-untyped-def]
-    """Whether a body has moved further than its skin."""
+    """Whether a body has moved further than its skin, or is gone since the lists were made."""
     for b in range(moving.place.shape[0]):
+        if drift[3] < moving.until[b] <= time:
+            return True
         if moved_since_listed(moving, b, drift, time) > moving.listed[b, 4]:
             return True
     return False

@@ -106,6 +106,7 @@ class Moving(NamedTuple):
     pivot: Array  # (b, 3) [m]
     axis: Array  # (b, 3)
     reach: Array  # (b,) [m] largest distance of a corner from the pivot
+    until: Array  # (b,) [s] from then on the body is gone
     first: IntArray  # (b + 1,) into the samples
     times: Array  # (m,) [s]
     samples: Array  # (m, 4) displacement [m], angle [rad]

@@ -1,9 +1,10 @@
 """Walls prepared for contact: welded triangles that know their neighbours, and where they are.
 
-Walls that share a motion (or stand still) are one body: their vertices are welded, so that a
-sphere that rolls from one to the other finds one surface.
+Walls that share a motion (or stand still) and their end are one body: their vertices are welded,
+so that a sphere that rolls from one to the other finds one surface.
 """
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -49,16 +50,23 @@ class Grid(NamedTuple):
     items: IntArray  # triangle numbers
 
 
-def bodies_of(walls: Sequence[Wall]) -> tuple[list[WallMotion | None], IntArray]:
-    """Motions of the bodies, the fixed one first, and the body (w,) of every wall."""
-    motions: list[WallMotion | None] = [None]
-    body = []
+class Body(NamedTuple):
+    """What walls have in common that move as one and go at the same time."""
+
+    motion: WallMotion | None  # None: it stands still
+    until: float  # [s] from then on it is gone
+
+
+def bodies_of(walls: Sequence[Wall]) -> tuple[list[Body], IntArray]:
+    """The bodies, the one that stands still for good first, and the body (w,) of every wall."""
+    bodies, numbers = [Body(None, math.inf)], []
     for wall in walls:
-        number = next((i for i, m in enumerate(motions) if m is wall.motion), len(motions))
-        if number == len(motions):
-            motions.append(wall.motion)
-        body.append(number)
-    return motions, np.array(body, dtype=np.int64)
+        same = [b.motion is wall.motion and b.until == wall.until for b in bodies]
+        if not any(same):
+            same.append(True)
+            bodies.append(Body(wall.motion, wall.until))
+        numbers.append(same.index(True))
+    return bodies, np.array(numbers, dtype=np.int64)
 
 
 def build_surface(walls: Sequence[Wall], body: IntArray) -> Surface:

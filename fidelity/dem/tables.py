@@ -60,9 +60,9 @@ class Tables(NamedTuple):
 
 def prepare(setup: Setup, dt: float) -> Tables:
     """Allocate everything for `setup`."""
-    motions, body = bodies_of(setup.walls)
+    bodies, body = bodies_of(setup.walls)
     surface = build_surface(setup.walls, body)
-    state = new_state(setup, new_moving(motions, surface))
+    state = new_state(setup, new_moving(bodies, surface))
     s = len(state.spheres.owner)
     radii = state.spheres.place[:, 3]
     reach = Reach(
@@ -73,7 +73,10 @@ def prepare(setup: Setup, dt: float) -> Tables:
     )
     grain, physics = setup.grain, setup.physics
     material = setup.grain_material
-    on_walls = [pair_of(material, w.material, physics, wall=True) for w in setup.walls]
+    on_walls = [
+        pair_of(material, w.material, physics, wall=True, friction_angle=w.friction_angle)
+        for w in setup.walls
+    ]
     return Tables(
         state=state,
         pairs=new_pairs(12 * s + 64),
@@ -82,14 +85,16 @@ def prepare(setup: Setup, dt: float) -> Tables:
         scratch=new_scratch(s, 3 * s + 64, s + 1),
         stage=np.zeros(1, dtype=np.int64),
         surface=surface,
-        grid=build_grid(surface, len(motions), reach.radius + 2 * reach.most),
+        grid=build_grid(surface, len(bodies), reach.radius + 2 * reach.most),
         reach=reach,
         law=law_of(physics),
         pair=pair_of(material, material, physics, wall=False),
         materials=np.array([tuple(on) for on in on_walls] or [(0.0, 0.0, 0.0)]),
         shape=np.column_stack([grain.offsets, grain.radii]),
         field=Field(
-            gravity=physics.gravity,
+            gravity=-physics.gravity * physics.gravity_direction[2],
+            side_x=physics.gravity * physics.gravity_direction[0],
+            side_y=physics.gravity * physics.gravity_direction[1],
             damping=physics.damping,
             damp_gravity=physics.damp_gravity or setup.settle,
             linear_drag=physics.linear_drag,

@@ -8,7 +8,8 @@ a grain acts on its outermost sphere, where it turns the grain, too:
 between two grains both give way, on a wall the stiffness is twice that between grains, so that both
 come to the same. A dashpot of damping ratio zeta, as `law.viscosity` makes it, shortens the stable
 step to 2 sqrt(m / k) / sqrt(1 + 2 zeta). Sliding friction acts at the surface with the tangential
-stiffness. In a pile many contacts act at once: the margin of `NumbaEngine` covers that.
+stiffness, a rolling spring on the turning alone. In a pile many contacts act at once: the margin of
+`NumbaEngine` covers that.
 """
 
 import math
@@ -48,6 +49,9 @@ def _rate(grain: Grain, a: Material, b: Material, physics: Physics, *, wall: boo
         push = 1 / grain.mass + _turning(centre, grain.inertia)
         slide = 1 / grain.mass + _turning(centre, grain.inertia) + r * r / grain.inertia.min()
         largest = max(largest, both * normal * push, both * tangential * slide)
+        if physics.rolling_friction > 0.0:
+            roll = physics.rolling_stiffness * tangential * radius * radius
+            largest = max(largest, both * roll / grain.inertia.min())
     return largest
 
 

@@ -242,7 +242,8 @@ def one_contact(state, law, materials, dt, measure, i, found, a, body, wall):  #
     state.wall_force[wall, 2] -= fz
     if law.rolling > 0.0:
         mx, my, mz, slip, kr = rolling_moment(
-            law.rolling, r, press, kt, grown, nx, ny, nz, wx - ox, wy - oy, wz - oz,
+            law.rolling, law.rolling_spring, r, press, kt, grown, nx, ny, nz,
+            wx - ox, wy - oy, wz - oz,
             weight * found[a, 8], weight * found[a, 9], weight * found[a, 10], twist, dt,
         )  # fmt: skip
         found[a, 8], found[a, 9], found[a, 10] = full * mx, full * my, full * mz

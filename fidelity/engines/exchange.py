@@ -10,9 +10,10 @@ setup.npz: `grain_offsets`, `grain_radii`, `grain_inertia`, `positions`, `orient
 `wall_displacements_<i>`, and if it turns `wall_angles_<i>`; where samples are asked for
 `sample_times`, and with columns `column_edges` and `column_floors`.
 setup.json: `grain_mass`; `grain_material` and `physics` as mappings; `walls`, a list of
-`{"name", "material", "motion"}`, the material a mapping, the motion null or the mapping
-`{"axis", "pivot"}`; `duration`, `exit_z`, `settle`, `idle_after`, `idle_above_z`, `may_pinch`;
-`sample_planes`, a list of `{"z", "opening"}`; and `engine`, what the engine adds for its script.
+`{"name", "material", "motion", "friction_angle", "until"}`, the material a mapping, the motion null
+or the mapping `{"axis", "pivot"}`, `until` null for a wall that stays; `duration`, `exit_z`,
+`settle`, `idle_after`, `idle_above_z`, `may_pinch`; `sample_planes`, a list of `{"z", "opening"}`;
+and `engine`, what the engine adds for its script.
 result.npz: `exit_times`, `positions`, `orientations`, `velocities`, `angular_velocities`, and
 where snapshots or samples were asked for the arrays of `Movement.snapshots` and `.series`.
 result.json: `status`, `why`, `end_time`, `steps`, `sphere_steps`, `timestep`, `max_overlap`,
@@ -20,6 +21,7 @@ result.json: `status`, `why`, `end_time`, `steps`, `sphere_steps`, `timestep`, `
 """
 
 import json
+import math
 import zipfile
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -117,6 +119,8 @@ def _wall_scalars(wall: Wall) -> dict[str, Any]:
         "name": wall.name,
         "material": asdict(wall.material),
         "motion": None if motion is None else {"axis": motion.axis, "pivot": motion.pivot},
+        "friction_angle": wall.friction_angle,
+        "until": wall.until if math.isfinite(wall.until) else None,
     }
 
 
@@ -157,6 +161,8 @@ def _read_wall(i: int, wall: Mapping[str, Any], arrays: Mapping[str, AnyArray]) 
         triangles=arrays[f"wall_triangles_{i}"],
         material=Material(**wall["material"]),
         motion=read_motion(i, wall, arrays),
+        friction_angle=wall["friction_angle"],
+        until=math.inf if wall["until"] is None else wall["until"],
     )
 
 
@@ -191,7 +197,13 @@ def read_samples(given: Mapping[str, Any]) -> Samples | None:
 
 def _read_physics(given: Mapping[str, Any]) -> Physics:
     forces = [{name: tuple(v) for name, v in force.items()} for force in given["body_forces"]]
-    return Physics(**{**given, "body_forces": tuple(BodyForce(**force) for force in forces)})
+    return Physics(
+        **{
+            **given,
+            "gravity_direction": tuple(given["gravity_direction"]),
+            "body_forces": tuple(BodyForce(**force) for force in forces),
+        }
+    )
 
 
 def write_movement(movement: Movement, directory: Path) -> None:

@@ -23,6 +23,7 @@ from fidelity.engine import (
     checked,
     sizes,
 )
+from fidelity.grains.grain import scaled
 from mfopt.errors import ConfigError
 
 KERNEL = "1"  # counted up when results change
@@ -82,16 +83,6 @@ class NumbaEngine:
             self.timestep(smallest, setup.grain_material, wall, setup.physics) for wall in walls
         )
         return checked(run(setup, dt, time_limit_s))
-
-
-def scaled(grain: Grain, scale: float) -> Grain:
-    """The grain `scale` times as large."""
-    return Grain(
-        grain.offsets * scale,
-        grain.radii * scale,
-        grain.mass * scale**3,
-        grain.inertia * scale**5,
-    )
 
 
 def prepare(compiling: Callable[[], None] = lambda: None) -> None:

@@ -1,9 +1,10 @@
 """How an engine refuses physics that it lacks: one form of message for all."""
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
-from fidelity.engine import Physics
+from fidelity.engine import Physics, Wall
 from mfopt.errors import ConfigError
 
 ABSENT = Physics()  # every field at the value at which its physics is absent
@@ -24,6 +25,21 @@ def refuse(engine: str, physics: Physics, *, lacks: Sequence[str]) -> None:
         value, absent = getattr(physics, name), getattr(ABSENT, name)
         if value != absent:
             raise refusal(engine, name, value, f"set it to {absent!r}")
+
+
+def refuse_walls(engine: str, walls: Sequence[Wall]) -> None:
+    """Refuse walls with a friction or an end of their own, for an engine that has neither.
+
+    Raises:
+        ConfigError: if a wall has one.
+    """
+    for wall in walls:
+        if wall.friction_angle is not None:
+            name = f"friction_angle of the wall {wall.name!r}"
+            raise refusal(engine, name, wall.friction_angle, "set it to None")
+        if wall.until < math.inf:
+            name = f"until of the wall {wall.name!r}"
+            raise refusal(engine, name, wall.until, "leave it out")
 
 
 def refusal(engine: str, name: str, value: Any, remedy: str) -> ConfigError:

@@ -18,11 +18,13 @@ from fidelity.engine import (
     Physics,
     Setup,
     Wall,
+    sizes,
 )
 from fidelity.grains.packing import Settled
 from fidelity.grains.portion import count_flaw, loose_portion
+from fidelity.grains.sizes import EQUAL, Sizes, drawn
 from geometry.sections import Section
-from mfopt.arrays import IntArray, frozen
+from mfopt.arrays import Array, IntArray, frozen
 from mfopt.errors import SimulationError
 
 FILLING_DAMPING = 0.4  # [-] numerical damping, on the fall too: brings the grains to rest soon
@@ -38,6 +40,7 @@ class Portion:
     grain_material: Material
     wall_material: Material
     physics: Physics
+    sizes: Sizes = EQUAL
 
     @property
     def mass(self) -> float:
@@ -46,13 +49,13 @@ class Portion:
 
     @property
     def grain_length(self) -> float:
-        """Length of a grain along its long axis [m]."""
+        """Length of a grain of scale 1 along its long axis [m]."""
         ends = np.abs(self.grain.offsets[:, 0]) + self.grain.radii
         return 2.0 * float(ends.max())
 
     @property
     def grain_diameter(self) -> float:
-        """Diameter of the sphere that weighs as much as a grain [m]."""
+        """Diameter of the sphere that weighs as much as the mean grain [m]."""
         return math.cbrt(6.0 * self.grain.mass / (math.pi * self.grain_material.density))
 
 
@@ -66,13 +69,16 @@ def loose_in(
     Raises:
         SimulationError: if the grain is too long for the vessel.
     """
-    loose = loose_portion(portion.grain, section, portion.grains, seed, chordal_error=chordal_error)
-    return Packing(frozen(loose.positions + np.array([0.0, 0.0, bottom_z])), loose.orientations)
+    scales = drawn(portion.sizes, portion.grains, seed)
+    largest = portion.grain if scales is None else scaled(portion.grain, float(scales.max()))
+    loose = loose_portion(largest, section, portion.grains, seed, chordal_error=chordal_error)
+    positions = frozen(loose.positions + np.array([0.0, 0.0, bottom_z]))
+    return Packing(positions, loose.orientations, scales)
 
 
 def top_of(portion: Portion, packing: Packing) -> float:
     """Height [m] above which none of the grains reaches, however it turns."""
-    return float(packing.positions[:, 2].max()) + portion.grain_length
+    return float(packing.positions[:, 2].max()) + portion.grain_length * float(sizes(packing).max())
 
 
 def filling_physics(portion: Portion) -> Physics:
@@ -101,8 +107,8 @@ def settling_setup(portion: Portion, loose: Packing, walls: tuple[Wall, ...]) ->
     )
 
 
-def settled(movement: Movement) -> Packing:
-    """The packing that a filling ended with.
+def settled(movement: Movement, scales: Array | None = None) -> Packing:
+    """The packing that a filling ended with, of grains of these scales (n,).
 
     Raises:
         SimulationError: if the run failed, or a grain got out of the vessel.
@@ -115,7 +121,7 @@ def settled(movement: Movement) -> Packing:
             f"{out} grains left the closed vessel while it was filled; use a shorter time step or "
             "stiffer grains"
         )
-    return Packing(frozen(movement.positions), frozen(movement.orientations))
+    return Packing(frozen(movement.positions), frozen(movement.orientations), scales)
 
 
 def filled(engine: Engine, setup: Setup, *, time_limit_s: float) -> tuple[Packing, Movement]:
@@ -125,7 +131,7 @@ def filled(engine: Engine, setup: Setup, *, time_limit_s: float) -> tuple[Packin
         SimulationError: if the grains cannot be settled; the message says what happened.
     """
     movement = engine.move(setup, time_limit_s=time_limit_s)
-    return settled(movement), movement
+    return settled(movement, setup.packing.scales), movement
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,7 +7,7 @@ lattice of freely turning grains would, so they settle within a short fall.
 
 import numpy as np
 
-from fidelity.engine import Grain, Packing
+from fidelity.engine import Grain, Packing, sizes
 from geometry.sections import Section
 from mfopt.arrays import Array, frozen
 from mfopt.errors import SimulationError
@@ -108,23 +108,30 @@ def sphere_centres(grain: Grain, packing: Packing) -> Array:
     w, vector = packing.orientations[:, None, :1], packing.orientations[:, None, 1:]
     twist = 2 * np.cross(vector, grain.offsets)
     turned = grain.offsets + w * twist + np.cross(vector, twist)
+    if packing.scales is not None:
+        turned = packing.scales[:, None, None] * turned
     return np.asarray(packing.positions[:, None] + turned)
+
+
+def sphere_radii(grain: Grain, packing: Packing) -> Array:
+    """Radii of all spheres (n, k) [m]."""
+    return np.asarray(sizes(packing)[:, None] * grain.radii)
 
 
 def largest_overlap(grain: Grain, packing: Packing) -> float:
     """Largest overlap of spheres of different grains, in units of the smallest radius."""
     from scipy.spatial import cKDTree  # half a second, which only this needs
 
-    centres = sphere_centres(grain, packing)
+    centres, radii = sphere_centres(grain, packing), sphere_radii(grain, packing).ravel()
     flat = centres.reshape(-1, 3)
-    pairs = cKDTree(flat).query_pairs(2 * float(grain.radii.max()), output_type="ndarray")
-    owner, member = np.divmod(pairs, centres.shape[1])
-    pairs, member = pairs[owner[:, 0] != owner[:, 1]], member[owner[:, 0] != owner[:, 1]]
+    pairs = cKDTree(flat).query_pairs(2 * float(radii.max()), output_type="ndarray")
+    owner = pairs // centres.shape[1]
+    pairs = pairs[owner[:, 0] != owner[:, 1]]
     if not len(pairs):
         return 0.0
     gaps = np.linalg.norm(flat[pairs[:, 0]] - flat[pairs[:, 1]], axis=1)
-    overlaps = grain.radii[member].sum(axis=1) - gaps
-    return max(0.0, float(overlaps.max() / grain.radii.min()))
+    overlaps = radii[pairs].sum(axis=1) - gaps
+    return max(0.0, float(overlaps.max() / radii.min()))
 
 
 def count_flaw(packing: Packing, grains: int) -> str | None:
@@ -140,10 +147,11 @@ def flaw(grain: Grain, section: Section, top: float, grains: int, packing: Packi
     """Why a packing in a cup with its floor at z = 0 cannot be used, or None."""
     if (why := count_flaw(packing, grains)) is not None:
         return why
-    centres, slack = sphere_centres(grain, packing), MOST_OVERLAP * float(grain.radii.min())
-    depth = depth_in_section(section, centres[..., :2]) - grain.radii
+    centres, radii = sphere_centres(grain, packing), sphere_radii(grain, packing)
+    slack = MOST_OVERLAP * float(radii.min())
+    depth = depth_in_section(section, centres[..., :2]) - radii
     z = centres[..., 2]
-    if min(depth.min(), (z - grain.radii).min(), (top - z - grain.radii).min()) < -slack:
+    if min(depth.min(), (z - radii).min(), (top - z - radii).min()) < -slack:
         return "a grain lies outside the cup"
     overlap = largest_overlap(grain, packing)
     if overlap > MOST_OVERLAP:

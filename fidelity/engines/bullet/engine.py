@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from fidelity.engine import Grain, Material, Movement, Physics, Setup, checked
 from fidelity.engines.exchange import failed_movement, read_movement, write_setup
-from fidelity.engines.refuse import refuse
+from fidelity.engines.refuse import refuse, refuse_walls
 from fidelity.programs.process import run_logged
 from mfopt.errors import ConfigError
 from mfopt.files.scratch import scratch
@@ -23,7 +23,9 @@ LAST_PYTHON = (3, 11)  # that PyBullet has a wheel for
 
 LACKS = (
     "contact_law",
+    "gravity_direction",
     "rolling_friction",
+    "rolling_stiffness",
     "adhesion_energy",
     "linear_drag",
     "quadratic_drag",
@@ -78,6 +80,7 @@ class BulletEngine:
             ConfigError: if the setup asks for physics that Bullet lacks.
         """
         refuse(self.name, setup.physics, lacks=LACKS)
+        refuse_walls(self.name, setup.walls)
         with scratch() as directory:
             settings = {"timestep": self.timestep_s, "iterations": self.iterations}
             write_setup(setup, directory, settings)

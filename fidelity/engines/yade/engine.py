@@ -27,7 +27,14 @@ COST_FACTORS: dict[Precision, float] = {"double": 1.0, "longdouble": 5.0, "float
 
 TRACE_PERIOD_S = 0.01  # simulated time between two files of a trace
 
-LACKS = ("rolling_friction", "adhesion_energy", "linear_drag", "quadratic_drag", "body_forces")
+LACKS = (
+    "rolling_friction",
+    "rolling_stiffness",
+    "adhesion_energy",
+    "linear_drag",
+    "quadratic_drag",
+    "body_forces",
+)
 
 _SCRIPT = Path(__file__).with_name("script.py")
 

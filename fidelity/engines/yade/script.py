@@ -24,13 +24,23 @@ sys.path.append(str(Path(sys.argv[0]).resolve().parents[3]))
 from fidelity.engine import MAX_OVERLAP, SETTLED_ENERGY, SETTLED_S
 from fidelity.engines.exchange import read_samples
 from fidelity.engines.wall_motion import angle_at, shift_at, top_speed
-from fidelity.engines.yade.world import Grains, Wall, add_grains, add_walls, engines
+from fidelity.engines.yade.world import (
+    Grains,
+    Wall,
+    add_grains,
+    add_walls,
+    engines,
+    gravity_vector,
+)
 from fidelity.samples import Sampling, begin, look, series
 
 # Time between two looks at the grains [s]. A grain's exit is interpolated between two looks;
 # at 1 m/s and more a change of speed by 0.5 m/s in between costs less than 0.1 ms.
 CHECK_S = 1e-3
 CHECKS_PER_HEALTH = 5  # looks at energy and overlap cost more, and are made at every 5th check
+
+# Times are sums of steps: a wall goes at the step nearest to its end.
+HALF_STEP = 0.5  # [steps]
 
 # A run is broken when the grains move with more than this multiple of the energy that they
 # can have.
@@ -87,7 +97,8 @@ def move(
     per_grain = len(given["grain_radii"])
     sphere_steps, check = 0.0, 0
     while steps_left > 0 and grains.numbers and health.why is None:
-        steps = min(per_check, steps_left)
+        remove_gone(walls)
+        steps = min(per_check, steps_left, *steps_to_ends(walls))
         drive(walls, steps * O.dt)
         for _ in range(steps):
             O.step()
@@ -106,12 +117,28 @@ def move(
     return health, snapshots, sphere_steps
 
 
+def steps_to_ends(walls: list[Wall]) -> list[int]:
+    """Steps from now until each wall that will go is to be taken out."""
+    now = float(O.time)
+    ends = [wall.until for wall in walls if wall.facets and wall.until < math.inf]
+    return [max(1, math.ceil((end - now) / O.dt - HALF_STEP)) for end in ends]
+
+
+def remove_gone(walls: list[Wall]) -> None:
+    """Take out the walls whose time is over."""
+    for wall in walls:
+        if wall.facets and float(O.time) >= wall.until - HALF_STEP * O.dt:
+            for facet in wall.facets:
+                O.bodies.erase(facet.id)
+            wall.facets.clear()
+
+
 def drive(walls: list[Wall], interval: float) -> None:
     """Set the velocities that take the moving walls to where they belong after `interval` [s]."""
     now = float(O.time)
     for wall in walls:
         motion = wall.motion
-        if motion is None:
+        if motion is None or not wall.facets:
             continue
         turn = angle_at(motion, now + interval) - angle_at(motion, now)
         spin = Vector3(*motion.axis) * (turn / interval)
@@ -195,12 +222,13 @@ def available_energy(given: dict[str, Any], grains: Grains, walls: list[Wall]) -
     turning that they came with; and the overlaps of the start, taken as a lift by one radius.
     """
     here = grains.numbers
-    masses, gravity = grains.masses[here], given["physics"]["gravity"]
-    fallen = float((masses * (grains.start_z[here] - grains.z[here])).sum())
+    masses, now = grains.masses[here], [list(map(float, grains.states[i].pos)) for i in here]
+    way = np.array(now).reshape(-1, 3) - given["positions"][here]
+    fallen = float((masses * (way @ gravity_vector(given["physics"]))).sum())
     fastest = max([grains.start_speed, *(top_speed(w.motion, w.vertices) for w in walls)])
     bounce = 0.5 * float(masses.sum()) * (2.0 * fastest) ** 2
     start = bounce + float(grains.start_spin[here].sum()) + lift_energy(given, grains)
-    return float(start + max(0.0, gravity * fallen))
+    return float(start + max(0.0, fallen))
 
 
 def ends_early(given: dict[str, Any], grains: Grains, health: Health) -> bool:

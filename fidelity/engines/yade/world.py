@@ -6,6 +6,7 @@ or Hertz's with Mindlin's friction and viscous damping that returns a given rest
 (Thornton et al. 2013, doi:10.1016/j.powtec.2012.08.012).
 """
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,6 +26,7 @@ from yade.wrapper import (
     Ip2_FrictMat_FrictMat_MindlinPhys,
     Law2_ScGeom_FrictPhys_CundallStrack,
     Law2_ScGeom_MindlinPhys_Mindlin,
+    MatchMaker,
     NewtonIntegrator,
     VTKRecorder,
 )
@@ -47,6 +49,9 @@ class Wall:
     middles: Any  # (t, 3) [m] of the facets at time 0, where YADE has their positions
     vertices: Any  # (v, 3) [m] at time 0
     motion: WallMotion | None
+    material: int  # YADE's number
+    friction_angle: float | None  # [rad] of grains on it; None: the smaller one of the materials
+    until: float  # [s] then it goes
 
 
 @dataclass
@@ -60,7 +65,6 @@ class Grains:
     masses: Any  # (n,) [kg]
     r_min: float  # [m] smallest radius
     z: Any  # (n,) [m] at the last check
-    start_z: Any  # (n,) [m]
     start_speed: float  # [m/s] of the fastest
     start_spin: Any  # (n,) [J] energy of the turning at the start
     exit_times: Any  # (n,) [s]
@@ -86,14 +90,15 @@ def add_material(material: dict[str, float]) -> int:
 
 
 def add_walls(given: dict[str, Any]) -> list[Wall]:
-    """Add all triangles; walls of equal material share it."""
-    materials: list[tuple[dict[str, float], int]] = []
+    """Add all triangles; walls of equal material and friction share it."""
+    materials: list[tuple[dict[str, Any], int]] = []
     walls = []
     for i, wall in enumerate(given["walls"]):
-        number = next((n for known, n in materials if known == wall["material"]), None)
+        own = {**wall["material"], "on_wall": wall["friction_angle"]}
+        number = next((n for known, n in materials if known == own), None)
         if number is None:
             number = add_material(wall["material"])
-            materials.append((wall["material"], number))
+            materials.append((own, number))
         vertices = given[f"wall_vertices_{i}"]
         facets = []
         for triangle in given[f"wall_triangles_{i}"].tolist():
@@ -102,7 +107,9 @@ def add_walls(given: dict[str, Any]) -> list[Wall]:
             O.bodies.append(facet)
             facets.append(facet)
         middles = np.array([[float(v) for v in facet.state.pos] for facet in facets])
-        walls.append(Wall(facets, middles, vertices, read_motion(i, wall, given)))
+        motion, angle = read_motion(i, wall, given), wall["friction_angle"]
+        until = math.inf if wall["until"] is None else wall["until"]
+        walls.append(Wall(facets, middles, vertices, motion, number, angle, until))
     return walls
 
 
@@ -134,7 +141,6 @@ def add_grains(given: dict[str, Any]) -> Grains:
         masses=given["grain_mass"] * scales**3,
         r_min=float(scales.min() * given["grain_radii"].min()),
         z=positions[:, 2].copy(),
-        start_z=positions[:, 2].copy(),
         start_speed=0.0,
         start_spin=np.zeros(n),
         exit_times=nowhere[:, 0].copy(),
@@ -235,11 +241,12 @@ def engines(given: dict[str, Any], walls: list[Wall]) -> list[Any]:
             avoidSelfInteractionMask=WALLS,
         ),
         InteractionLoop(
-            [Ig2_Sphere_Sphere_ScGeom(), Ig2_Facet_Sphere_ScGeom()], *contact_law(physics)
+            [Ig2_Sphere_Sphere_ScGeom(), Ig2_Facet_Sphere_ScGeom()],
+            *contact_law(physics, frictions(walls)),
         ),
         NewtonIntegrator(
             damping=physics["damping"],
-            gravity=Vector3(0.0, 0.0, -physics["gravity"]),
+            gravity=Vector3(*gravity_vector(physics).tolist()),
             # Grains at rest tremble for ever where only contact forces are damped.
             dampGravity=physics["damp_gravity"] or given["settle"],
         ),
@@ -252,11 +259,28 @@ def engines(given: dict[str, Any], walls: list[Wall]) -> list[Any]:
     return made
 
 
-def contact_law(physics: dict[str, Any]) -> tuple[list[Any], list[Any]]:
+def gravity_vector(physics: dict[str, Any]) -> Any:
+    """Acceleration (3,) of free fall [m/s2]."""
+    return physics["gravity"] * np.array(physics["gravity_direction"])
+
+
+def frictions(walls: list[Wall]) -> dict[str, Any]:
+    """Friction of the walls that have one of their own, as an argument of YADE's functors."""
+    grains = len(O.materials) - 1  # whose material was added last
+    own = {
+        (wall.material, grains, wall.friction_angle)
+        for wall in walls
+        if wall.friction_angle is not None
+    }
+    return {"frictAngle": MatchMaker(matches=sorted(own), algo="min")} if own else {}
+
+
+def contact_law(physics: dict[str, Any], friction: dict[str, Any]) -> tuple[list[Any], list[Any]]:
     """What makes a contact's stiffness, and what its force."""
     if physics["contact_law"] == "hertz":
         return (
-            [Ip2_FrictMat_FrictMat_MindlinPhys(en=physics["restitution"])],
+            [Ip2_FrictMat_FrictMat_MindlinPhys(en=physics["restitution"], **friction)],
             [Law2_ScGeom_MindlinPhys_Mindlin()],
         )
-    return [Ip2_FrictMat_FrictMat_FrictPhys()], [Law2_ScGeom_FrictPhys_CundallStrack()]
+    made = Ip2_FrictMat_FrictMat_FrictPhys(**friction)
+    return [made], [Law2_ScGeom_FrictPhys_CundallStrack()]

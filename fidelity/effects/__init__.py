@@ -1,0 +1,1 @@
+"""Effects of grains and rig that a simulation can switch on."""
