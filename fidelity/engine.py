@@ -82,6 +82,16 @@ def sizes(packing: Packing) -> Array:
     return np.ones(len(packing.positions)) if packing.scales is None else packing.scales
 
 
+def scaled(grain: Grain, scale: float) -> Grain:
+    """The grain `scale` times as large."""
+    return Grain(
+        grain.offsets * scale,
+        grain.radii * scale,
+        grain.mass * scale**3,
+        grain.inertia * scale**5,
+    )
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class WallMotion:
     """Prescribed motion of a wall, sampled; linear in between, and the last values hold afterwards.

@@ -24,7 +24,7 @@ FACE = ROOT / "mfopt" / "__init__.py"  # loads what a user asks for
 # Each package imports only those before it.
 FLOORS = {
     "mfopt": ("files", "records", "search", "campaign", "study", "commands"),
-    "fidelity": ("dem", "programs", "engines", "grains", "scenes"),
+    "fidelity": ("dem", "programs", "engines", "grains", "effects", "scenes"),
 }
 
 

@@ -24,6 +24,7 @@ def _mix(portion: Portion, values: Values) -> Portion:
 
 
 def _stretch(portion: Portion, values: Values) -> Portion:
+    """Longer grains of more spheres; spheres in nearly one place make contacts stiffer."""
     if not values["aspect"] >= 1.0:
         raise ConfigError(f"grain_aspect: aspect = {values['aspect']:g} must be at least 1")
     ratio = values["aspect"] * portion.grain_length / _width(portion.grain)

@@ -21,9 +21,9 @@ from fidelity.engine import (
     Wall,
     WallMotion,
     checked,
+    scaled,
     sizes,
 )
-from fidelity.grains.grain import scaled
 from mfopt.errors import ConfigError
 
 KERNEL = "1"  # counted up when results change

@@ -57,16 +57,6 @@ def line_grain(length: float, width: float, spheres: int, density: float) -> Gra
     )
 
 
-def scaled(grain: Grain, scale: float) -> Grain:
-    """The grain `scale` times as large."""
-    return Grain(
-        grain.offsets * scale,
-        grain.radii * scale,
-        grain.mass * scale**3,
-        grain.inertia * scale**5,
-    )
-
-
 def _centres(length: float, width: float, spheres: int) -> Array:
     if length < width:
         raise ConfigError(

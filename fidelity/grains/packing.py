@@ -99,11 +99,15 @@ def _as_list(value: Any) -> Any:
 
 def _with_checksum(packing: Packing) -> dict[str, AnyArray]:
     arrays = {"positions": packing.positions, "orientations": packing.orientations}
+    if packing.scales is not None:
+        arrays["scales"] = packing.scales
     return {**arrays, "checksum": _checksum(packing)}
 
 
 def _checksum(packing: Packing) -> AnyArray:
     content = packing.positions.tobytes() + packing.orientations.tobytes()
+    if packing.scales is not None:
+        content += packing.scales.tobytes()
     return np.frombuffer(hashlib.sha256(content).digest(), dtype=np.uint8)
 
 
@@ -113,7 +117,8 @@ def _read(path: Path, filling: Filling) -> Packing | None:
         return None
     try:
         arrays = read_arrays(path)
-        packing = Packing(frozen(arrays["positions"]), frozen(arrays["orientations"]))
+        scales = frozen(arrays["scales"]) if "scales" in arrays else None
+        packing = Packing(frozen(arrays["positions"]), frozen(arrays["orientations"]), scales)
         whole = np.array_equal(arrays["checksum"], _checksum(packing))
         why = filling.flaw(packing) if whole else "its checksum does not fit its content"
     except (ConfigError, OSError, KeyError, ValueError) as error:

@@ -7,7 +7,7 @@ narrower than the box in both directions).
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -119,13 +119,26 @@ def filling_setup(settings: DischargeSettings, portion: Portion, seed: int) -> S
     return settling_setup(portion, loose, (hopper(settings, portion, top_of(portion, loose)), gate))
 
 
-def discharge_setup(settings: DischargeSettings, portion: Portion, packing: Packing) -> Setup:
-    """Run the settled portion out of the open hopper."""
+def discharge_setup(
+    settings: DischargeSettings,
+    portion: Portion,
+    packing: Packing,
+    *,
+    gate_until: float | None = None,
+) -> Setup:
+    """Run the settled portion out of the hopper.
+
+    `gate_until` [s] is how long the gate stays closed; None: the run starts without it.
+    """
+    walls = [hopper(settings, portion, top_of(portion, packing))]
+    if gate_until is not None:
+        gate = plane("gate", *settings.outlet, 0.0, portion.wall_material)
+        walls.append(replace(gate, until=gate_until))
     return Setup(
         grain=portion.grain,
         packing=packing,
         grain_material=portion.grain_material,
-        walls=(hopper(settings, portion, top_of(portion, packing)),),
+        walls=tuple(walls),
         physics=portion.physics,
         duration=settings.duration,
         exit_z=-settings.fall,
