@@ -24,7 +24,6 @@ from fidelity.engine import (
 from fidelity.grains.packing import Settled
 from fidelity.grains.portion import count_flaw, loose_portion
 from fidelity.grains.sizes import EQUAL, Sizes, drawn
-from fidelity.grains.sizes import EQUAL, Sizes, drawn
 from geometry.sections import Section
 from mfopt.arrays import Array, IntArray, frozen
 from mfopt.errors import SimulationError
