@@ -53,12 +53,11 @@ def _killed(number: int) -> str:
 
 
 def _writes(folder: Path, seed: int, numbers: Sequence[int] | None, jobs: int) -> Iterator[Trial]:
-    its = undisturbed(folder / "undisturbed", writes.STUDY)
-    cases = writes.cases(folder / "cases", its.study)
+    cases, wanted = writes.counted(folder / "undisturbed")
     random.Random(f"writes {seed}").shuffle(cases)  # so that the first few are of every kind
 
     def one(number: int) -> Trial:
-        return writes.trial(folder / str(number), its.study, its.end, cases[number], number)
+        return writes.trial(folder / str(number), wanted, cases[number], number)
 
     return _in_parallel(one, range(len(cases)) if numbers is None else numbers, jobs)
 

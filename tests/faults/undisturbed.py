@@ -30,11 +30,11 @@ grains = 40
 spheres_per_grain = 1
 [search]
 method = "cma-es"
-population_size = 4
-seeds = 2
+population_size = 2
+seeds = 1
 [[search.stage]]
 level = "reduced"
-generations = 2
+generations = 1
 [[search.stage]]
 level = "dem-40"
 generations = 1

@@ -24,23 +24,24 @@ ERRORS = (errno.ENOSPC, errno.EIO)
 Case = tuple[str, int, int]  # role, number of the write, errno
 
 
-def cases(folder: Path, study: str) -> list[Case]:
-    """Every write of an undisturbed run, with every error."""
-    campaign = new_campaign(folder, study)
+def counted(folder: Path) -> tuple[list[Case], End]:
+    """Every write of an undisturbed run, with every error, and what that run came to."""
+    campaign = new_campaign(folder, STUDY)
     if (wrong := complaint(_run(campaign, ("", 0, 0), folder / "told"), codes=(0,))) is not None:
         raise RuntimeError(f"undisturbed run: {wrong}")
     found: list[Case] = []
     for role in ("main", "worker"):
         writes = len((folder / f"told.{role}").read_text().splitlines())
         found += [(role, n, error) for n in range(1, writes + 1) for error in ERRORS]
+    wanted = campaign.end()
     shutil.rmtree(folder)
-    return found
+    return found, wanted
 
 
-def trial(folder: Path, study: str, wanted: End, case: Case, number: int) -> Trial:
+def trial(folder: Path, wanted: End, case: Case, number: int) -> Trial:
     """Let one write fail; then the run must resume to the undisturbed end."""
     role, _, error = case
-    campaign, told = new_campaign(folder, study), folder / "told"
+    campaign, told = new_campaign(folder, STUDY), folder / "told"
     ended = _run(campaign, case, told)
     failed = told.read_text().strip() if told.exists() else "nothing"
     loss = _loss(campaign, complaint(ended, codes=(0, 1, 2)), ended.returncode, wanted)
