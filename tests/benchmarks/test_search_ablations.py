@@ -58,13 +58,13 @@ def gap(search: AssistedCmaEs) -> float:
 
 @pytest.mark.parametrize("kind", ABLATIONS.values())
 def test_it_still_finds_better_designs(kind: type[AssistedCmaEs]) -> None:
-    search, _ = searched(kind, TWO, 120.0)
+    search, _ = searched(kind, TWO, 60.0)
     assert gap(search) < 0.3 * bowl(np.full(D, 0.5))
 
 
 def test_without_prescreening_whole_generations_are_run() -> None:
     def least(kind: type[AssistedCmaEs]) -> int:
-        runs = Counter(c.generation for c in searched(kind, ONE, 60.0)[1])
+        runs = Counter(c.generation for c in searched(kind, ONE, 40.0)[1])
         return min(n for generation, n in runs.items() if generation < max(runs))
 
     assert least(NoPrescreening) == SIZE
@@ -104,7 +104,7 @@ def test_with_planned_levels_nothing_is_validated_ahead() -> None:
 
 def test_without_transfer_the_surrogate_knows_its_own_level() -> None:
     def known(kind: type[AssistedCmaEs]) -> tuple[int, ...]:
-        belief = searched(kind, TWO, 200.0)[0]._belief
+        belief = searched(kind, TWO, 100.0)[0]._belief
         assert belief is not None
         return belief.posterior.hyperparameters.levels
 
@@ -114,7 +114,7 @@ def test_without_transfer_the_surrogate_knows_its_own_level() -> None:
 
 def test_levels_that_rank_alike_are_gone_back_to() -> None:
     def goes_down(kind: type[AssistedCmaEs]) -> bool:
-        search, levels = kind(PROBLEM, TWO, AutoregressiveGp(), budget=400.0, seed=1), ["0"]
+        search, levels = kind(PROBLEM, TWO, AutoregressiveGp(), budget=200.0, seed=1), ["0"]
         while search.should_stop() is None:
             asked = search.ask()
             search.tell(asked, [bowl(c.x) for c in asked])

@@ -81,7 +81,7 @@ def test_intervals_of_the_recommendation_hold_the_truth() -> None:
         rng = np.random.default_rng(seed)
         noisy: dict[str, Function] = {"f": lambda x, rng=rng: sphere(x) + 1.5 * rng.normal()}
         surrogate = AutoregressiveGp()
-        search = AssistedCmaEs(problem(3), [Rung("f", 1.0)], surrogate, budget=40.0, seed=seed)
+        search = AssistedCmaEs(problem(3), [Rung("f", 1.0)], surrogate, budget=25.0, seed=seed)
         run(search, noisy)
         best, insight = search.recommended(), search.insight
         assert best is not None
@@ -256,9 +256,10 @@ def best_value(search: AssistedCmaEs, f: Function) -> float:
     return f(best)
 
 
-@pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("budget", [2.5, 4.0, 12.0])
-def test_without_noise_the_best_run_at_the_target_is_recommended(seed: int, budget: float) -> None:
+@pytest.mark.parametrize(
+    ("budget", "seed"), [*((budget, seed) for budget in (2.5, 4.0) for seed in range(4)), (8.0, 0)]
+)
+def test_without_noise_the_best_run_at_the_target_is_recommended(budget: float, seed: int) -> None:
     rungs = [Rung("coarse", 1 / 20), Rung("fine", 1.0)]
     search = AssistedCmaEs(problem(3), rungs, AutoregressiveGp(), budget=budget, seed=seed)
     measured = []
