@@ -133,7 +133,7 @@ def test_replicates_of_the_planned_search_are_not_called_a_surrogate(
     write_report(run, html=tmp_path / "r.html")
     text = (tmp_path / "r.html").read_text(encoding="utf-8")
     assert "mean of its runs" in text
-    assert "certain the ranking" in text
+    assert "certainty of each generation" in text
     assert "surrogate" not in text
     assert "could be predicted" not in text
 

@@ -163,7 +163,7 @@ def test_an_own_problem_has_no_spheres_and_the_objective_is_named_once(
     write_report(own_run, html=tmp_path / "own.html")
     own = words(tmp_path / "own.html")
     assert "sphere-steps" not in own
-    assert "so that the objective value becomes smallest" in own
+    assert "to minimise the objective value" in own
     write_report(finished_run, html=tmp_path / "r.html")
     text = words(tmp_path / "r.html")
     assert "work [sphere-steps]" in text
