@@ -1,4 +1,4 @@
-"""The surrogate over levels: the objective's process beside one for each soft constraint."""
+"""The surrogate over levels: one process for the objective and one for each penalty."""
 
 from dataclasses import replace
 from typing import Any
@@ -13,11 +13,11 @@ from surrogates.map_fit import default, maximise, rougher
 from surrogates.training import Rows, rows_of, scaling_of, spread_rows, subset
 from surrogates.warp import Warp, warp_of_count, warp_of_objective
 
-FIT_ROWS = 240  # rows that the hyperparameters are learnt from; all are conditioned on
+FIT_ROWS = 240  # rows for the hyperparameters; the posterior uses all rows
 FIRST_ITERATIONS = 12  # from each of two starts, then again
 WARM_ITERATIONS = 8
 COUNT_ITERATIONS = 6  # also for the share of failed runs
-FAILURE_MARGIN = 0.5  # a failed run is worse than the worst finished one by so many deviations
+FAILURE_MARGIN = 0.5  # a failed run is this many deviations worse than the worst finished run
 UNCHANGED = Warp(1.0, 1.0)  # of shares in [0, 1]
 
 
@@ -85,7 +85,7 @@ def _posterior(
 
 
 def _fit(rows: Rows, warp: Warp, start: Hyperparameters | None, iterations: int) -> Process:
-    """Learn hyperparameters in so many iterations, then condition on all rows."""
+    """Learn hyperparameters in `iterations`, then condition on all rows."""
     scaling = scaling_of(rows, warp)
     hyperparameters = _aligned(start, rows.levels, rows.z.shape[1])
     if iterations:
@@ -96,7 +96,7 @@ def _fit(rows: Rows, warp: Warp, start: Hyperparameters | None, iterations: int)
 
 
 def _aligned(start: Hyperparameters | None, levels: tuple[int, ...], d: int) -> Hyperparameters:
-    """`start` for these levels; a level that it lacks has the default."""
+    """`start` for these levels; levels that `start` lacks have the default."""
     result = default(levels, d)
     if start is None:
         return result
@@ -113,12 +113,12 @@ def _aligned(start: Hyperparameters | None, levels: tuple[int, ...], d: int) -> 
 def _check_start(observations: Observations, start: Hyperparameters | None, refit: bool) -> None:
     if start is None:
         if not refit:
-            raise ConfigError("refit is off without hyperparameters to keep; pass start")
+            raise ConfigError("refit = False needs hyperparameters to keep; pass start")
         return
     wanted = (observations.z.shape[1], observations.counts.shape[1])
     given = (start.lengthscales.shape[1], len(start.counts))
     if wanted != given:
         raise ConfigError(
             f"start is for {given[0]} inputs and {given[1]} counts, the observations have "
-            f"{wanted[0]} and {wanted[1]}; begin without start"
+            f"{wanted[0]} and {wanted[1]}; leave start out"
         )

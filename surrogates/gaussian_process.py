@@ -5,8 +5,9 @@ f_0 = g_0, f_l = rho_l f_{l-1} + g_l, with independent g_l of covariance
     1 + signal_variance * Matern-5/2(r) + trend_variance * (offset + x.x'/d)^2
       + separable_variance * sum_i (x_i x'_i + (x_i^2 - 1) (x'_i^2 - 1) / 2) / d.
 
-The last two learn a quadratic function exactly: from (d + 1)(d + 2) / 2 points in general, from
-2 d + 1 where its axes are those of the inputs; under noise from far fewer than Matern alone.
+The last two terms learn a quadratic function exactly: from (d + 1)(d + 2) / 2 points in general,
+from 2 d + 1 points if the axes are those of the inputs. With noise they need far fewer points than
+the Matern term.
 
 Source: Kennedy & O'Hagan, Biometrika 87 (2000), 1-13; Rasmussen & Williams (2006), eqs. 2.25,
 2.26 (posterior), 5.12 (leave-one-out).
@@ -59,7 +60,7 @@ def component_diagonal(x: Array, hyperparameters: Hyperparameters, k: int) -> Ar
 
 
 def factor(covariance: Array) -> Array:
-    """Lower Cholesky factor; the diagonal is raised until there is one."""
+    """Lower Cholesky factor; the diagonal is raised until a factor exists."""
     scale = max(float(np.mean(np.diag(covariance))), np.finfo(float).tiny)
     for jitter in JITTERS:
         try:
@@ -73,7 +74,7 @@ def factor(covariance: Array) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Process:
-    """The process after conditioning; means and variances are in units of the transform."""
+    """The process after conditioning; means and variances are in transformed units."""
 
     rows: Rows
     scaling: Scaling
@@ -85,7 +86,7 @@ class Process:
     alpha: Array  # (n,) covariance^-1 y
 
     def position(self, level: int) -> int:
-        """The observed level that answers for `level`: the nearest below, or the coarsest."""
+        """The observed level used for `level`: the nearest below, or the coarsest."""
         return max(0, int(np.searchsorted(self.rows.levels, level, side="right")) - 1)
 
     def _cross(self, x: Array, p: int) -> Array:

@@ -1,4 +1,4 @@
-"""The posterior over levels, put together from the processes of its parts."""
+"""The posterior over levels, combined from one process for each part of the objective."""
 
 from dataclasses import dataclass
 
@@ -9,19 +9,19 @@ from mfopt.search.surrogate import Hyperparameters, LeftOut
 from surrogates.gaussian_process import Process
 from surrogates.warp import NODE_WEIGHTS, NODES, Warp
 
-CERTAIN = 0.25  # expected shares of failures up to this count as none: the process ripples
+CERTAIN = 0.25  # smaller expected shares of failures count as 0, because the process oscillates
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Failures:
-    """What failed runs do to the prediction: it rises with the expected share of failures.
+    """The effect of failed runs: the prediction rises with the expected share of failures.
 
-    They are kept out of the smooth part, which would otherwise have to bend into a cliff.
+    The smooth part does not see failed runs; otherwise a smooth function would have to fit a cliff.
     """
 
     process: Process  # of the share
-    worst: float  # transformed value that a failed run is given
-    height: float  # rise where all runs fail: `worst` is reached from the median
+    worst: float  # transformed value of a failed run
+    height: float  # rise from the median to `worst`, where all runs fail
 
     def rise(self, share: Array) -> tuple[Array, Array]:
         """Rise on the transformed scale, and its slope."""
@@ -40,8 +40,8 @@ class Failures:
 class LevelsPosterior:
     """Posterior of the objective: a process for its smooth part, each count and the failures.
 
-    On the transformed scale the parts are put together at their medians, and their variances by
-    the slopes there; with the smooth part alone both are exact.
+    The medians of the parts are added, then transformed; the variances follow from the slopes at
+    the medians. With the smooth part alone both are exact.
     """
 
     hyperparameters: Hyperparameters
@@ -53,8 +53,8 @@ class LevelsPosterior:
     def predict(self, z: Array, level: int) -> tuple[Array, Array]:
         """Mean (m,) and variance (m,) of the noise-free objective at `z` (m, d).
 
-        Doubt reaches no further than the largest value seen: the inverse of the transform grows
-        exponentially, so that the mean of a vague prediction would have no meaning.
+        Values above the largest one seen count as that value. The inverse of the transform grows
+        exponentially, so the mean of an uncertain prediction would otherwise have no meaning.
         """
         if self.failures is not None:
             centre, spread = self._finished(z, level)
@@ -99,7 +99,7 @@ class LevelsPosterior:
         return mean, gradient
 
     def _together(self, means: list[Array]) -> tuple[Array, list[Array]]:
-        """Transform the sum of the parts' medians; also its slopes along the parts."""
+        """The transformed sum of the parts' medians, and the slopes of this sum along the parts."""
         if not self.counts:
             return means[0], [np.ones_like(means[0])]
         processes = (self.main, *self.counts)
@@ -123,7 +123,7 @@ class LevelsPosterior:
         return self.warp.inverse(self.warp.forward(total) + rise)
 
     def left_out(self) -> LeftOut:
-        """Predict each training row from all others, hyperparameters unchanged."""
+        """Predict each training row from all others, with the same hyperparameters."""
         rows, processes = self.main.rows, (self.main, *self.counts)
         parts = [process.left_out() for process in processes]  # all have the same rows
         mean, slopes = self._together([part[0] for part in parts])
@@ -141,7 +141,7 @@ class LevelsPosterior:
         return finished if self.failures is None else self._with_failed(finished, self.failures)
 
     def _with_failed(self, finished: LeftOut, failures: Failures) -> LeftOut:
-        """Add what the share of failures does to the predictions, and rows of failed runs."""
+        """Add the effect of failures to the predictions, and the rows of failed runs."""
         rows = failures.process.rows
         share, wider = failures.process.left_out()
         rise, slope = failures.rise(share)

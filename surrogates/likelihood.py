@@ -14,7 +14,7 @@ JITTERS = (1e-10, 1e-8, 1e-6, 1e-4, 1e-2)  # of the level's variance, 1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Data:
-    """Rows as tensors, sorted by level, and what maps their runs to outputs."""
+    """Rows as tensors, sorted by level, with the map from runs to outputs."""
 
     x: torch.Tensor  # (n, d) standardised
     index: torch.Tensor  # (n,) level
@@ -55,11 +55,11 @@ def data_of(rows: Rows, scaling: Scaling, warp: Warp) -> Data:
 
 
 class LogDensity(torch.autograd.Function):
-    """log N(y; 0, K) up to a constant; about half the time of differentiating a Cholesky."""
+    """log N(y; 0, K) up to a constant; twice as fast as the derivative of a Cholesky factor."""
 
     @staticmethod
     def forward(ctx: Any, covariance: torch.Tensor, y: torch.Tensor) -> torch.Tensor:
-        """-(y' K^-1 y + log det K) / 2; the diagonal is raised until K has a factor."""
+        """-(y' K^-1 y + log det K) / 2; the diagonal is raised until K has a Cholesky factor."""
         raised = covariance.clone()
         for jitter in JITTERS:
             raised.diagonal().add_(jitter)
@@ -87,8 +87,8 @@ def log_likelihood(
 ) -> torch.Tensor:
     """Log likelihood of all runs, up to a constant.
 
-    The mean of k replicates has noise variance / k; their scatter around it tells of the noise
-    alone, with k - 1 degrees of freedom.
+    The mean of k replicates has the noise variance divided by k. The scatter of the replicates
+    around their mean depends on the noise alone, with k - 1 degrees of freedom.
 
     Args:
         data: the runs.

@@ -1,6 +1,6 @@
 """Hyperparameters of the autoregressive process: maximum a posteriori, on GPyTorch.
 
-Positive hyperparameters are searched in their logarithms, where the priors are normal.
+Positive hyperparameters are optimised as logarithms, which have normal priors.
 
 Sources: Hvarfner, Hellsten & Nardi, arXiv:2402.02229 (lengthscales grow with sqrt(d)); Snelson,
 Rasmussen & Ghahramani, NIPS 16 (2004) (a learnt output transform and its Jacobian).
@@ -31,7 +31,7 @@ from surrogates.warp import Warp
 
 @dataclass(frozen=True, slots=True)
 class Prior:
-    """Normal prior of a raw hyperparameter, where its search starts and where it ends."""
+    """Normal prior of a raw hyperparameter, with start and bounds of the optimisation."""
 
     mean: float
     deviation: float
@@ -45,14 +45,14 @@ def _log_prior(median: float, deviation: float, widest: float = 10.0) -> Prior:
     return Prior(location, deviation, location, location - widest, location + widest)
 
 
-# Times sqrt(d). Hvarfner et al. have the deviation sqrt(3); with it, the many lengthscales learn
-# noise (on 6 functions in 5 to 13 variables, errors were 3 % larger).
+# Times sqrt(d). Hvarfner et al. use the deviation sqrt(3), with which the lengthscales fit noise:
+# errors are 3 % larger on 6 functions in 5 to 13 variables.
 LENGTHSCALE = _log_prior(math.exp(math.sqrt(2.0)), 1.2, 6.0)
 VARIANCE = _log_prior(0.3, 2.0)
 DIFFERENCE_VARIANCE = _log_prior(0.1, 2.0)  # a level differs from the one below by less
 OFFSET = _log_prior(1.0, 1.0, 4.0)
 NOISE = Prior(math.log(1e-2), 3.0, math.log(1e-2), math.log(1e-8), math.log(10.0))
-RHO = Prior(1.0, 0.5, 1.0, -3.0, 3.0)  # as the level below; unrelated at two deviations
+RHO = Prior(1.0, 0.5, 1.0, -3.0, 3.0)  # 1: as the level below; 0 (unrelated): two deviations away
 COMPRESSION = Prior(0.0, 3.0, 0.0, -2.0, 12.0)
 ROUGHER_SIGNAL = 3.0  # more Matern variance at the rougher start
 
@@ -119,10 +119,10 @@ class Model(gpytorch.Module):  # type: ignore[misc]
             self.get_submodule(owner).register_prior(f"{last}_prior", density, of)
 
     def noise_beyond_expected(self) -> torch.Tensor:
-        """Log noise (levels,), less what the level below lets expect of it.
+        """Log noise (levels,) minus the value expected from the level below.
 
-        That is halfway between the noise there and the prior mean: nothing is known of the noise
-        of a level with few runs but that of the others.
+        The expected value is halfway between the noise of the level below and the prior mean. A
+        level with few runs tells little about noise, so other levels help.
         """
         halfway = 0.5 * (self.log_noise[:-1] - NOISE.mean)
         beyond: torch.Tensor = self.log_noise - torch.nn.functional.pad(halfway, (1, 0))
@@ -159,7 +159,7 @@ def _positive() -> Positive:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Use one thread of torch inside: small matrices lose by more."""
+    """Use one thread of torch inside, which is fastest for small matrices."""
     before = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
@@ -234,7 +234,7 @@ def default(levels: tuple[int, ...], d: int) -> Hyperparameters:
 
 
 def rougher(start: Hyperparameters) -> Hyperparameters:
-    """A second place to start: the function varies over few standard deviations of the inputs."""
+    """A second start: a function that varies within few standard deviations of the inputs."""
     d = start.lengthscales.shape[1]
     return replace(
         start,
@@ -248,12 +248,12 @@ def maximise(
 ) -> Hyperparameters:
     """Climb to a maximum of the posterior density of the hyperparameters.
 
-    The density has two typical maxima, a smooth function with much noise and a rough one with
-    little; so all starts are tried for a few iterations, and the best is followed.
+    The density often has two maxima: a smooth function with much noise, and a rough function with
+    little noise. So every start is tried for a few iterations, and the best one is continued.
 
     Args:
-        rows: what is learnt from.
-        scaling: how their inputs and outputs are standardised.
+        rows: training rows.
+        scaling: standardisation of inputs and outputs.
         warp: the transform at compression 0.
         starts: first points.
         iterations: of L-BFGS-B, at most, for each trial and for the last climb.

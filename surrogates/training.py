@@ -12,7 +12,7 @@ SMALLEST_SCALE = 1e-9  # relative; constant values get this spread
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rows:
-    """Distinct points (n, d), sorted by level; `group` leads from runs to them."""
+    """Distinct points (n, d), sorted by level; `group` is the row of each run."""
 
     levels: tuple[int, ...]  # that have rows, ascending
     z: Array  # (n, d)
@@ -34,7 +34,7 @@ class Scaling:
     z_mean: Array  # (d,)
     z_scale: Array  # (d,)
     centre: Array  # (levels,)
-    scale: float  # one for all levels, so that a rho of 1 means "the same, but for a difference"
+    scale: float  # one for all levels, so that rho = 1 means "the level below plus a difference"
 
     def inputs(self, z: Array) -> Array:
         """Standardised inputs."""
@@ -57,7 +57,7 @@ def rows_of(z: Array, level: IntArray, value: Array) -> Rows:
 
 
 def subset(rows: Rows, keep: IntArray) -> Rows:
-    """The rows `keep` (ascending) with their runs; all levels must remain."""
+    """The rows `keep` (ascending) with their runs; each level must keep a row."""
     position = np.full(len(rows.z), -1)
     position[keep] = np.arange(len(keep))
     group = position[rows.group]
@@ -74,8 +74,8 @@ def subset(rows: Rows, keep: IntArray) -> Rows:
 def spread_rows(rows: Rows, limit: int) -> IntArray:
     """Rows (ascending), at most `limit`: small levels whole, large ones thinned.
 
-    Levels share the limit, what a small level leaves goes to the larger ones; within a level the
-    rows are spread evenly over the order of their values.
+    The levels share the limit equally; larger levels get what smaller levels do not need. Within a
+    level the chosen rows are spread evenly over the order of values.
     """
     means, left, chosen = group_means(rows, rows.value), limit, []
     own = [np.flatnonzero(rows.index == k) for k in range(len(rows.levels))]

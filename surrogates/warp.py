@@ -16,8 +16,8 @@ SMALLEST_WARP = 1e-100  # scale below which its quotients would overflow
 class Warp:
     """A strictly monotone map with a continuous derivative.
 
-    T(f) = f for f <= m, m + s log(1 + (f - m) / s) above. The good half of the values keeps its
-    shape, so a quadratic bowl stays quadratic where it matters; huge values lose their weight.
+    T(f) = f for f <= m, and m + s log(1 + (f - m) / s) above. The better half of the values does
+    not change, so a quadratic function stays quadratic near the minimum. Huge values lose weight.
 
     Args:
         knot: m, in units of the objective.
@@ -28,7 +28,7 @@ class Warp:
     scale: float
 
     def compressed(self, logarithm: float) -> "Warp":
-        """The same with its scale multiplied by exp(`logarithm`)."""
+        """The same transform with the scale multiplied by exp(`logarithm`)."""
         return Warp(self.knot, self.scale * float(np.exp(logarithm)))
 
     def forward(self, value: Array) -> Array:
@@ -53,8 +53,8 @@ class Warp:
         By Gauss-Hermite quadrature with 20 nodes.
 
         Args:
-            seen: f is at most this, or the inverse of `mean` where that is more.
-            lowest: f is at least this.
+            seen: upper limit of f, or the inverse of `mean` if that is larger.
+            lowest: lower limit of f.
         """
         y = mean[:, None] + np.sqrt(variance)[:, None] * NODES
         highest = np.maximum(self.inverse(mean), seen)[:, None]

@@ -117,7 +117,7 @@ def test_hyperparameters_are_kept_or_improved(make: Callable[[], Surrogate]) -> 
     assert (np.abs(warm.latent(z, 2)[0] - posterior.latent(z, 2)[0]) < spread).all()
     with pytest.raises(ConfigError, match="pass start"):
         make().fit(observations, refit=False)
-    with pytest.raises(ConfigError, match="begin without start"):
+    with pytest.raises(ConfigError, match="leave start out"):
         make().fit(runs(observations.z, observations.value), posterior.hyperparameters)
 
 
