@@ -1,4 +1,4 @@
-"""How far a mesh really deviates from the exact surface."""
+"""The distance between a mesh and the exact surface."""
 
 import numpy as np
 
@@ -10,8 +10,8 @@ from mfopt.arrays import Array
 def chordal_error(mesh: Mesh, loft: Loft) -> float:
     """Largest horizontal distance between an open `passage` mesh and the exact surface [m].
 
-    Measured at 66 points of every triangle. The distance along the surface's normal is
-    smaller still, by the cosine of the wall's inclination.
+    The distance is measured at 66 points of every triangle. The distance along the surface's normal
+    is smaller, by the cosine of the wall's inclination.
 
     Args:
         mesh: hopper and tube without caps, see `geometry.parts.passage`.

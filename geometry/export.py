@@ -20,7 +20,7 @@ COLOURS = (
     (86, 180, 233, 255),
     (213, 94, 0, 255),
 )
-# STL has no unit; programs of the workshop read millimetres. [mm/m]
+# STL has no unit; workshop programs expect millimetres. [mm/m]
 STL_SCALE = 1e3
 
 
@@ -40,7 +40,7 @@ def write_stl(path: Path, mesh: Mesh) -> None:
 def write_gltf(path: Path, meshes: Mapping[str, Mesh]) -> None:
     """Write named meshes, each in its colour, as binary glTF (.glb), whole or not at all.
 
-    glTF counts in metres with y up, so the parts are turned from z up.
+    glTF uses metres and y up, so the parts are turned.
     """
     trimesh: Any = import_module("trimesh")  # loaded late: it is heavy
 

@@ -1,10 +1,9 @@
 """The hopper: a smooth loft through four rounded rectangles.
 
-A CAD loft interpolates corresponding points of its sections by one B-spline; through four
-sections that is one cubic. All sections have the same construction, so a loft with the
-height z as its parameter has at every z exactly the rounded rectangle whose length, width,
-radius and shift are the cubics through the four given ones. One cubic is also free of the
-kinks in curvature that a spline of several pieces has.
+A CAD loft interpolates corresponding points of the sections by one B-spline; through four sections
+the spline is one cubic. All sections have the same construction. So at every height z the loft is
+exactly a rounded rectangle, whose length, width, radius and shift are cubics through the four given
+values. One cubic has no jumps in curvature, unlike a spline of several pieces.
 """
 
 import math
@@ -71,11 +70,11 @@ class Loft:
 
 
 def check_loft(loft: Loft) -> None:
-    """Refuse a loft that cannot be built, by name.
+    """Refuse a loft that cannot be built; the message names the fault.
 
     Raises:
-        InvalidDesign: sections crossed (heights not decreasing), a section invalid in
-            itself, or the loft pinched between the sections.
+        InvalidDesign: if sections cross (heights do not decrease), a section is invalid, or the
+            loft is too narrow between the sections.
     """
     for i in range(3):
         if not math.inf > loft.heights[i] > loft.heights[i + 1] > -math.inf:
@@ -96,7 +95,7 @@ def check_loft(loft: Loft) -> None:
 
 
 def check_tube(loft: Loft, tube_end_z: float) -> None:
-    """Refuse a tube that would end inside the hopper.
+    """Refuse a tube that ends inside the hopper.
 
     Raises:
         InvalidDesign: the message names both heights.
@@ -124,9 +123,9 @@ def _check_between(loft: Loft, cubic: Array, limit: float, quantity: str) -> Non
 
 
 def extremal_depths(cubic: Array, end: float) -> Array:
-    """Arguments between 0 and `end` where a cubic (4,) can be extreme: ends, stationary points.
+    """Arguments from 0 to `end` where a cubic (4,) can be extreme: ends, stationary points.
 
-    The quadratic is solved without cancellation, as cubics are often nearly parabolas here.
+    The quadratic is solved without cancellation, because many of the cubics are almost parabolas.
     """
     c, b, a = map(float, np.polynomial.polynomial.polyder(cubic))
     depths = [0.0, end]

@@ -1,9 +1,9 @@
-"""What the workshop asks of a hopper: how flat, how curved, can it be bent from a flat sheet.
+"""Questions of the workshop about a hopper: angles, curvature, can a flat sheet be bent to it.
 
-A note for the engineer, never a constraint on the search. The surface is described by the
+The answers are notes for the engineer; the search ignores them. The surface is described by the
 support function h(z, a) = s cos a + (l/2 - r) |cos a| + (w/2 - r) |sin a| + r of its sections,
-a being the direction of the wall's normal in plan. With m = dh/dz the wall stands at
-atan |m| to the vertical. Corners (radius r) have the fundamental forms
+with the direction a of the wall's normal seen from above. With m = dh/dz the angle between wall and
+vertical is atan |m|. Corners (radius r) have the fundamental forms
 E = r^2, F = r dm/da, G = 1 + m^2 + (dm/da)^2, L = -r / q, M = 0, N = (dm/dz) / q with
 q = sqrt(1 + m^2); flat sides are bent about one horizontal axis only.
 """
@@ -27,7 +27,7 @@ HEIGHTS, ANGLES = 401, 17
 
 @dataclass(frozen=True, slots=True)
 class Manufacturability:
-    """Shape of the hopper's sheet; angles from the vertical, heights z from the plate."""
+    """Shape of the hopper's sheet; angles to the vertical, heights z above the plate."""
 
     smallest_wall_angle: float  # [rad]
     largest_wall_angle: float  # [rad], the flattest wall
@@ -41,15 +41,15 @@ class Manufacturability:
 
     @property
     def developable(self) -> bool:
-        """Whether the sheet can be bent from flat, without stretching."""
+        """Whether a flat sheet can be bent to the shape without stretching."""
         return self.largest_gaussian_curvature <= DEVELOPABLE
 
     def sentences(self) -> list[str]:
         """The note in plain English."""
         way = "inwards" if self.flattest_narrows else "outwards"
         return [
-            f"The walls stand at {math.degrees(self.smallest_wall_angle):.0f} to "
-            f"{math.degrees(self.largest_wall_angle):.0f} degrees to the vertical; the flattest "
+            f"The walls are {math.degrees(self.smallest_wall_angle):.0f} to "
+            f"{math.degrees(self.largest_wall_angle):.0f} degrees from the vertical. The flattest "
             f"wall is at z = {self.flattest_z * 1e3:.0f} mm and leads {way} on the way down.",
             f"The largest curvature is {self.largest_curvature:.0f} 1/m, a bending radius of "
             f"{1e3 / max(self.largest_curvature, 1e-9):.1f} mm, in a {self.curved_place} at "
@@ -65,12 +65,13 @@ class Manufacturability:
         curvature = f"{k:.0f} 1/m\u00b2" if k >= 10.0 else f"{max(k, 0.1):.1f} 1/m\u00b2"
         if self.developable:
             return (
-                f"The sheet is developable: its Gaussian curvature of at most {curvature} is "
-                f"within {DEVELOPABLE:g} 1/m\u00b2, so it can be bent from flat sheet."
+                f"The sheet is developable: the Gaussian curvature is at most {curvature}, below "
+                f"the limit of {DEVELOPABLE:g} 1/m\u00b2, so a flat sheet can be bent to the shape."
             )
         return (
-            f"The sheet is not developable: its Gaussian curvature of up to {curvature} exceeds "
-            f"{DEVELOPABLE:g} 1/m\u00b2, so it must be stretched, pressed, or made of strips."
+            f"The sheet is not developable: the Gaussian curvature is up to {curvature}, above "
+            f"the limit of {DEVELOPABLE:g} 1/m\u00b2, so the sheet must be stretched, pressed, or "
+            "made of strips."
         )
 
 

@@ -1,7 +1,7 @@
-"""Triangle meshes: a record and the few questions asked of it.
+"""Triangle meshes: a record and functions of it.
 
-Normals follow the right hand. All parts of `geometry` turn them out of the grains' space,
-so that parts can be joined, and closed meshes have a positive volume.
+Normals follow the right-hand rule. In all parts of `geometry` they point away from the grains. So
+parts can be joined, and closed meshes have a positive volume.
 """
 
 from collections.abc import Sequence
@@ -11,8 +11,8 @@ import numpy as np
 
 from mfopt.arrays import Array, IntArray, frozen
 
-# Below this quality a triangle counts as degenerate: about 1 : 350 for a thin one, far from
-# where double precision loses its normal, but no shape that a contact search should meet.
+# Below this quality a triangle counts as degenerate: about 1 : 350 for a thin triangle. Double
+# precision still gives its normal, but contact searches should not meet such a shape.
 DEGENERATE = 0.005
 # Vertices closer than this [m] are one: rounding is 1e-16 m, the shortest edge above 1e-5 m.
 WELD = 1e-9
@@ -53,8 +53,8 @@ def open_edges(mesh: Mesh) -> IntArray:
 def quality(mesh: Mesh) -> Array:
     """Shape of every triangle, 4 sqrt(3) area / sum of squared edges, (t,).
 
-    1 for an equilateral triangle, 0 for three points on a line; sqrt(3) b / h for a thin one
-    with the base b and the height h much longer than it.
+    1 for an equilateral triangle, 0 for three points on a line, sqrt(3) b / h for a thin triangle
+    with a base b much shorter than the height h.
     """
     points = corners(mesh)
     sides = np.roll(points, -1, axis=1) - points

@@ -1,8 +1,8 @@
 """Motion of the cup over the hole: normalised position over normalised time.
 
 A cubic from (0, 0) to P1, a straight line from P1 to P2, a cubic from P2 to (1, 1). Both
-ends have the slope v, so that cycles join without a jump in velocity; at P1 and P2 the
-cubics take the slope of the line, so the velocity is continuous throughout.
+ends have the slope v, so cycles join without a jump in velocity. At P1 and P2 the cubics have the
+slope of the line, so the velocity is continuous everywhere.
 
 Source: section 1.3 of the paper (motion transfer function, figure 4).
 """
@@ -62,13 +62,13 @@ class MotionLaw:
     def acceleration(self, t: Array | float) -> Array:
         """Acceleration at the times `t` in 0..1 [strokes per cycle squared].
 
-        It jumps at P1 and P2; the value there is the one just after: 0 at P1, the second
-        cubic's at P2.
+        The acceleration jumps at P1 and P2. The value there is the value just after: 0 at P1, the
+        second cubic's at P2.
         """
         return self._evaluated(t, 2)
 
     def range(self) -> tuple[float, float]:
-        """Smallest and largest position of the cycle: how far the cup really travels."""
+        """Smallest and largest position of the cup in a cycle."""
         positions = [
             polynomial.polyval(extremal_depths(cubic, end - start), cubic)
             for start, end, cubic in self.pieces

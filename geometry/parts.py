@@ -17,10 +17,10 @@ from geometry.sections import SLACK, Section, check_section
 from mfopt.arrays import Array
 from mfopt.errors import ConfigError, InvalidDesign
 
-# Aim for the quality (`mesh.quality`) of thin triangles: about 1 : 90. One span per straight
-# piece is fewest triangles; longer and thinner ones are divided.
+# Wanted quality (`mesh.quality`) of thin triangles: about 1 : 90. A straight piece has one span, or
+# more if the triangles would be thinner.
 THINNEST = 0.02
-# Heights at which the exact surface is examined [1]: 1.3 mm apart, and it is a cubic.
+# Number of heights at which the exact surface, a cubic, is sampled [1]: 1.3 mm apart.
 SAMPLES = 200
 
 
@@ -40,20 +40,20 @@ class Cup:
 def cup_wall(cup: Cup, chordal_error: float, height: float | None = None) -> Mesh:
     """Side wall of the cup, from z = 0 to its height, or to `height` [m].
 
-    The mesh is inscribed: it holds less than the cup by about
-    (2/3) 2 pi r e / area of its volume with the sagitta e <= chordal_error / 2; for the
-    130 x 100 x 20 mm cup that is 0.25 % at 1 mm and 0.45 % at 1.4 mm.
+    The mesh is inscribed, so its volume is smaller than the cup's by a share of about
+    (2/3) 2 pi r e / area, with the sagitta e <= chordal_error / 2. For the 130 x 100 x 20 mm cup
+    the share is 0.25 % at 1 mm and 0.45 % at 1.4 mm.
     """
     return _mesh(_cup_rings(cup, chordal_error, height), closed=False)
 
 
 def cup_cavity(cup: Cup, chordal_error: float) -> Mesh:
-    """The cup's inside as a closed mesh; its volume falls short as `cup_wall` says."""
+    """The cup's inside as a closed mesh; the volume is too small as in `cup_wall`."""
     return _mesh(_cup_rings(cup, chordal_error, None), closed=True)
 
 
 def plate_with_hole(hole: Section, length: float, width: float, chordal_error: float) -> Mesh:
-    """The plate at z = 0, centred at the origin, with the hole cut out; it faces down.
+    """The plate at z = 0, centred at the origin, with a hole; the normals point down.
 
     The hole's edge has the vertices of the top ring of `passage` for the same chordal error.
 
@@ -100,9 +100,9 @@ def passage(loft: Loft, tube_end_z: float, chordal_error: float, *, closed: bool
 def ring_heights(loft: Loft, chordal_error: float) -> Array:
     """Heights (k,) [m] at which rings keep the hopper's mesh within `chordal_error` [m].
 
-    Between rings the section is interpolated linearly. The rings are spread by the surface's
-    curvature, so that each span misses it by about as much (at most h^2/8 max|d2/dz2| over a
-    span h), and there are as many as the error at the sampled heights asks for.
+    Between rings the section is interpolated linearly. The spacing of the rings follows the
+    curvature of the surface, so the error is about the same in each span (at most
+    h^2/8 max|d2/dz2| over a span h). The number of rings follows from the error at sampled heights.
     """
     z = np.linspace(loft.heights[0], loft.heights[-1], SAMPLES)
     exact = loft.values(z)
@@ -119,7 +119,7 @@ def ring_heights(loft: Loft, chordal_error: float) -> Array:
         linear = np.column_stack([np.interp(-z, -heights, quantity) for quantity in ends])
         if _largest_offset(exact - linear).max() <= left:
             return heights
-    return z  # the finest: a cubic misses less than 1e-5 m over 1.3 mm
+    return z  # the finest spacing: the error of a cubic is below 1e-5 m over 1.3 mm
 
 
 def _largest_offset(change: Array) -> Array:
@@ -145,7 +145,7 @@ def _ring_error(section: Section, chordal_error: float) -> float:
 
 
 def _divided(rings: list[Ring], loft: Loft, chordal_error: float) -> list[Ring]:
-    """The hopper's rings with more of them where triangles would be too thin."""
+    """The hopper's rings, and more rings where triangles would be too thin."""
     every = [rings[0]]
     for upper, lower in pairwise(rings):
         heights = np.linspace(upper.points[0, 2], lower.points[0, 2], _spans(upper, lower) + 1)

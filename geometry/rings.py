@@ -1,11 +1,11 @@
 """Rings of points around a section, and the strips of triangles between two rings.
 
-A ring is a convex polygon inscribed in a rounded rectangle, with as many chords in its
-corners as its own radius asks for. Two rings are joined edge by edge in the order of the
-edges' directions. Every horizontal cut of such a strip is the convex polygon
-(1 - t) A + t B (Minkowski sum), so the strip deviates from the exact surface no more than
-its rings do, plus the error of interpolating the sections linearly; rings with different
-numbers of points need no special case, and a vanishing side leaves no degenerate triangle.
+A ring is a convex polygon inscribed in a rounded rectangle. The number of chords in the corners
+follows from the corner radius. Two rings are joined edge by edge in the order of the edges'
+directions. Every horizontal cut of such a strip is the convex polygon (1 - t) A + t B (Minkowski
+sum). So the error of the strip is at most the error of its rings, plus the error of linear
+interpolation. Rings with different numbers of points need no special case, and a side of length 0
+leaves no degenerate triangle.
 """
 
 import math
@@ -16,8 +16,8 @@ import numpy as np
 from geometry.sections import Section
 from mfopt.arrays import Array, IntArray, frozen
 
-# Shares of the chordal error: half for the chords of the corners; a flat side shorter than half
-# of it is closed up, which moves its neighbours by a quarter. The rest is for the linear
+# Shares of the chordal error: half for the chords of the corners. A flat side shorter than half of
+# the error is closed up, which moves its neighbours by a quarter. The rest is for the linear
 # interpolation between rings.
 CHORD_SHARE = 0.5
 CLOSED_SIDE_SHARE = 0.5

@@ -12,7 +12,7 @@ from mfopt.errors import InvalidDesign
 SMALLEST_OPENING = 0.010
 # Smallest corner radius [m]: sheet metal bends to about its own thickness, 1 mm.
 SMALLEST_RADIUS = 0.001
-# Slack of comparisons [m], far below any tolerance of a workshop and far above rounding.
+# Slack of comparisons [m], far below workshop tolerances and far above rounding.
 SLACK = 1e-9
 
 
@@ -63,7 +63,7 @@ class Section:
 
 
 def section_fault(section: Section) -> str | None:
-    """Why no sheet can have this section, or None."""
+    """Why a sheet cannot have this section, or None."""
     half = min(section.length, section.width) / 2
     values = (section.length, section.width, section.radius, section.shift)
     if not all(map(math.isfinite, values)):
@@ -88,7 +88,7 @@ def section_fault(section: Section) -> str | None:
 
 
 def check_section(section: Section, name: str) -> None:
-    """Refuse a section that no sheet can have.
+    """Refuse a section that a sheet cannot have.
 
     Raises:
         InvalidDesign: the message names section, quantity, value, limit and remedy.

@@ -1,9 +1,8 @@
 """STEP file of hopper and tube for the workshop, exact, not a mesh.
 
-The loft is polynomial of degree 3 in z and its corners are circular arcs, so each of its
-eight sides is one rational Bezier surface of degree (2, 3) or (1, 3), and the file holds the
-very surface that `geometry.loft` describes: its deviation is rounding alone. STEP programs
-know it as a B-spline surface.
+The loft is a polynomial of degree 3 in z, and the corners are circular arcs. So each of the eight
+sides is one rational Bezier surface of degree (2, 3) or (1, 3), and the file holds exactly the
+surface of `geometry.loft`, up to rounding. STEP programs read a B-spline surface.
 """
 
 import math
@@ -56,7 +55,7 @@ def write_step(path: Path, loft: Loft, tube_end_z: float) -> None:
 
 
 def _require_cad() -> None:
-    """Load the CAD kernel, silent: it would print its progress among the program's output.
+    """Load the CAD kernel and silence its progress messages.
 
     Raises:
         ConfigError: without the extra `cad`.
