@@ -34,7 +34,7 @@ def answer(run: RunDirectory) -> dict[str, Any]:
     with np.errstate(all="ignore"):
         facts = gather(run)
         found, header = facts.result, facts.header
-        its: dict[str, Any] = {
+        said: dict[str, Any] = {
             "study": header["study"],
             "ended": facts.run.end,
             "evaluations": len(facts.rows),
@@ -42,7 +42,7 @@ def answer(run: RunDirectory) -> dict[str, Any]:
             "cost": {cost.phase: _cost(cost) for cost in facts.costs},
         }
         if found is not None:
-            its |= {
+            said |= {
                 "level": found.found.level,
                 "objective": found.found.value,
                 "objective_unit": header["objective_unit"],
@@ -51,10 +51,10 @@ def answer(run: RunDirectory) -> dict[str, Any]:
                 **_confirmed(found),
             }
         if lines := needs(facts.rows, found, facts.quantities):
-            its["needs"] = {line.name: _need(line) for line in lines}
+            said["needs"] = {line.name: _need(line) for line in lines}
         if facts.run.reference is not None:
-            its["reference"] = _reference(facts)
-        return {key: _finite(value) for key, value in its.items()}
+            said["reference"] = _reference(facts)
+        return {key: _finite(value) for key, value in said.items()}
 
 
 def _names(facts: Facts) -> list[str]:
@@ -66,51 +66,56 @@ def _cost(cost: campaign.Cost) -> dict[str, Any]:
 
 
 def _believed(found: Result) -> dict[str, Any]:
-    if (its := found.belief) is None:
+    if (belief := found.belief) is None:
         return {}
-    low, high = its.interval
+    low, high = belief.interval
     return {"believed": {
-        "objective": its.mean, "low": low, "high": high, "level": its.level,
-        "generation": its.generation,
+        "objective": belief.mean, "low": low, "high": high, "level": belief.level,
+        "generation": belief.generation,
     }}  # fmt: skip
 
 
 def _confirmed(found: Result) -> dict[str, Any]:
-    if (its := found.objective) is None:
+    if (comparison := found.objective) is None:
         return {}
     return {
-        "confirmed_median": its.median_best,
-        "baseline_median": its.median_baseline,
-        "reduction_percent": its.reduction,
+        "confirmed_median": comparison.median_best,
+        "baseline_median": comparison.median_baseline,
+        "reduction_percent": comparison.reduction,
     }
 
 
 def _need(line: Need) -> dict[str, Any]:
     of = {
-        design: {"median": its.median, "low": its.low, "high": its.high, "runs": its.runs}
-        for design, its in line.spreads.items()
+        design: {
+            "median": spread.median,
+            "low": spread.low,
+            "high": spread.high,
+            "runs": spread.runs,
+        }
+        for design, spread in line.spreads.items()
     }
     return {"unit": line.unit, "limit": line.limit, **of}
 
 
 def _reference(facts: Facts) -> dict[str, Any]:
     """What the reference engine gave, beside the target level with the same seed."""
-    its = repeated(facts.rows, facts.run.reference)
-    assert its is not None
-    if its.noted.why_not is not None:
-        return {"left_out": its.noted.why_not}
+    reference = repeated(facts.rows, facts.run.reference)
+    assert reference is not None
+    if reference.noted.why_not is not None:
+        return {"left_out": reference.noted.why_not}
     numbers: dict[str, float | None] = {}
-    for design, pair in its.pairs.items():
+    for design, pair in reference.pairs.items():
         if pair is not None:
             numbers[design] = pair.there.value
             numbers[f"{design}_at_target"] = None if pair.here is None else pair.here.value
-    return {"engine": f"{its.noted.engine} {its.noted.version}", **numbers}
+    return {"engine": f"{reference.noted.engine} {reference.noted.version}", **numbers}
 
 
 def _finite(value: Any) -> Any:
     """The value, with None instead of numbers that JSON cannot hold."""
     if isinstance(value, Mapping):
-        return {key: _finite(its) for key, its in value.items()}
+        return {key: _finite(part) for key, part in value.items()}
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
@@ -148,10 +153,11 @@ def _result_lines(facts: Facts) -> list[tuple[str, str]]:
         return []
     lines = []
     if found.objective is not None:
-        its = found.objective
-        within = median_interval(its.best)
+        comparison = found.objective
+        within = median_interval(comparison.best)
         scatter = "" if within is None else f" ({interval_text(within, facts.shown)})"
-        words = f"{facts.shown.full(its.median_best)}{scatter}, {against(its, facts.shown)}"
+        median = facts.shown.full(comparison.median_best)
+        words = f"{median}{scatter}, {against(comparison, facts.shown)}"
         lines.append((facts.name, words))
     elif found.belief is None:
         words = f"{facts.shown.full(found.found.value)} in one run at level {found.found.level}"
@@ -167,17 +173,17 @@ def _result_lines(facts: Facts) -> list[tuple[str, str]]:
 
 
 def _reference_lines(facts: Facts) -> list[tuple[str, str]]:
-    its = repeated(facts.rows, facts.run.reference)
-    if its is None:
+    reference = repeated(facts.rows, facts.run.reference)
+    if reference is None:
         return []
-    if its.noted.why_not is not None:
-        return [("reference", f"skipped: {its.noted.why_not}")]
+    if reference.noted.why_not is not None:
+        return [("reference", f"skipped: {reference.noted.why_not}")]
     said = [
         f"{design} {facts.shown.full(pair.there.value)}"
-        for design, pair in its.pairs.items()
+        for design, pair in reference.pairs.items()
         if pair is not None
     ]
-    where = f"{its.noted.engine} {its.noted.version}"
+    where = f"{reference.noted.engine} {reference.noted.version}"
     return [("reference", f"on {where}: {', '.join(said)}" if said else f"{where}: not run yet")]
 
 
@@ -187,7 +193,7 @@ def _cost_lines(facts: Facts) -> list[tuple[str, str]]:
         words = f"{campaign.cost_words(cost)} in {cost.runs} run{'s' * (cost.runs != 1)}"
         lines.append((f"cost: {cost.phase}", words))
     if failed := campaign.failures(facts.rows):
-        its, why = failed[0], (failed[0].why.splitlines() or [""])[0]
-        most = f"{its.count} {its.status}: {why}"
+        most_frequent, why = failed[0], (failed[0].why.splitlines() or [""])[0]
+        most = f"{most_frequent.count} {most_frequent.status}: {why}"
         lines.append(("failed runs", f"{sum(f.count for f in failed)}, of which {most}"))
     return lines

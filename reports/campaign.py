@@ -111,20 +111,20 @@ def stages(
     for group in _alike(generations):
         numbers, first = {g.number for g in group}, group[0]
         span = _span(first.number, group[-1].number)
-        its = [r for r in search if r.generation in numbers]
-        own = [r for r in its if r.level == first.level]
+        runs = [r for r in search if r.generation in numbers]
+        own = [r for r in runs if r.level == first.level]
         purpose = f"search by {first.objective.replace('_', ' ')}"
         made.append(_stage(first.level, purpose, span, first.population_size, own, unit))
-        for level in dict.fromkeys(r.level for r in its if r.level != first.level):
-            looks = [r for r in its if r.level == level]
+        for level in dict.fromkeys(r.level for r in runs if r.level != first.level):
+            looks = [r for r in runs if r.level == level]
             made.append(_stage(level, VALIDATION, span, None, looks, unit))
     known = {g.number for g in generations}
     others: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
         if row.purpose != "search" or row.generation not in known:
             others.setdefault((row.level, row.purpose), []).append(row)
-    for (level, purpose), its in others.items():
-        made.append(_stage(level, purpose, "", None, its, unit))
+    for (level, purpose), runs in others.items():
+        made.append(_stage(level, purpose, "", None, runs, unit))
     if len(made) > 1:
         made.append(_stage("all", "", "", None, rows, unit))
     return made
@@ -175,9 +175,9 @@ def costs(rows: Sequence[Row], full_run_work: float | None) -> list[Cost]:
     for row in rows:
         of.setdefault(PHASES[row.purpose.split()[0]], []).append(row)
     return [
-        Cost(phase, len(its), sum(not r.finished for r in its),
-             sum(r.work for r in its) / unit, sum(r.cpu_s for r in its))
-        for phase, its in of.items()
+        Cost(phase, len(runs), sum(not r.finished for r in runs),
+             sum(r.work for r in runs) / unit, sum(r.cpu_s for r in runs))
+        for phase, runs in of.items()
     ]  # fmt: skip
 
 
@@ -207,8 +207,8 @@ def failures(rows: Sequence[Row]) -> list[Failure]:
             why = reason(row.why or "the run gave no finite objective")
             alike.setdefault((status, NUMBER.sub("#", why)), []).append((why, row.level))
     made = [
-        Failure(status, its[0][0], ", ".join(sorted({level for _, level in its})), len(its))
-        for (status, _), its in alike.items()
+        Failure(status, runs[0][0], ", ".join(sorted({level for _, level in runs})), len(runs))
+        for (status, _), runs in alike.items()
     ]
     return sorted(made, key=lambda failure: -failure.count)
 

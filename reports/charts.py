@@ -90,8 +90,8 @@ def short(name: str) -> str:
 
 def drawable(values: ArrayLike) -> Array:
     """Values that an axis can show; nan if a sum or a square would overflow."""
-    its = np.asarray(values, dtype=float)
-    return np.where(np.abs(its) < 1.0 / TINY, np.where(np.abs(its) < TINY, 0.0, its), np.nan)
+    given = np.asarray(values, dtype=float)
+    return np.where(np.abs(given) < 1.0 / TINY, np.where(np.abs(given) < TINY, 0.0, given), np.nan)
 
 
 def round_up(value: float) -> float:
@@ -177,14 +177,14 @@ def scale(axis: "Axes", values: Array) -> None:
 
 def _failed(axis: "Axes", steps: Sequence[Step]) -> None:
     """Generations with failed runs: a cross with their number along the lower edge."""
-    its = [s for s in steps if s.failed]
-    if not its:
+    marked = [s for s in steps if s.failed]
+    if not marked:
         return
     edge = axis.get_xaxis_transform()
-    axis.plot([s.generation.number for s in its], [0.035] * len(its), "x", color=ORANGE, ms=5,
+    axis.plot([s.generation.number for s in marked], [0.035] * len(marked), "x", color=ORANGE, ms=5,
               mew=1.4, transform=edge, clip_on=False,
               label="failed runs, with their number")  # fmt: skip
-    for s in its:
+    for s in marked:
         axis.text(s.generation.number, 0.075, str(s.failed), color=ORANGE_TEXT, fontsize=7,
                   ha="center", va="bottom", transform=edge)  # fmt: skip
 
@@ -288,8 +288,8 @@ def passages(best: Sequence[Array], baseline: Sequence[Array]) -> str:
         figure, axes = _figure(3.7, 2, [1.0, 1.1])
         every = np.concatenate([*best, *baseline]) * 1e3
         edges = np.linspace(every.min(), max(every.max(), every.min() + 1.0), 41)
-        its = [(best, "best", BLUE, "-"), (baseline, "baseline", ORANGE, "--")]
-        for runs, label, colour, dashes in its:
+        curves = [(best, "best", BLUE, "-"), (baseline, "baseline", ORANGE, "--")]
+        for runs, label, colour, dashes in curves:
             if not runs:
                 continue
             pooled = np.sort(np.concatenate(runs)) * 1e3

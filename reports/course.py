@@ -91,18 +91,18 @@ def changes(generations: Sequence[Generation]) -> list[tuple[str, int, str]]:
     return made
 
 
-def restart_places(its: Course) -> list[float]:
+def restart_places(history: Course) -> list[float]:
     """Work at each restart within a level [full runs]."""
     numbers = {
-        number for mark, number, _ in changes([look.generation for look in its.looks])
-        if mark not in its.levels
+        number for mark, number, _ in changes([look.generation for look in history.looks])
+        if mark not in history.levels
     }  # fmt: skip
-    return [look.began for look in its.looks if look.generation.number in numbers]
+    return [look.began for look in history.looks if look.generation.number in numbers]
 
 
-def ranking(its: Course) -> Mapping[str, Array]:
+def ranking(history: Course) -> Mapping[str, Array]:
     """Of each finished generation: work at its end, certainty of its ranking, candidates run."""
-    known = [(look.ended, look.insight) for look in its.looks if look.insight is not None]
+    known = [(look.ended, look.insight) for look in history.looks if look.insight is not None]
     return {
         "ended": np.array([ended for ended, _ in known]),
         "certainty": np.array([i.certainty for _, i in known]),

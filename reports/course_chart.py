@@ -34,13 +34,13 @@ RATIOS = (2.1, 1.0, 0.75, 0.75)
 LOG_BELOW = 0.05  # share of the work at the first change of level, below which x is logarithmic
 
 
-def course(its: Course, shown: Display, name: str, confirmed: Comparison | None) -> str:
+def course(history: Course, shown: Display, name: str, confirmed: Comparison | None) -> str:
     """Belief with its band, level of each run, certainty and candidates run, over the work."""
     from matplotlib.figure import Figure
     from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
 
     with styled():
-        longest = max(len(short(name)) for name in its.levels)
+        longest = max(len(short(name)) for name in history.levels)
         left = max(0.13, LETTER * longest + 0.055)
         figure = Figure(figsize=(WIDTH, HEIGHT))
         grid = {
@@ -48,48 +48,48 @@ def course(its: Course, shown: Display, name: str, confirmed: Comparison | None)
             "bottom": 0.8 / HEIGHT, "top": 1.0 - 0.45 / HEIGHT,
         }  # fmt: skip
         axes = list(figure.subplots(4, 1, sharex=True, gridspec_kw=grid))
-        if logarithmic(its):
+        if logarithmic(history):
             axes[0].set_xscale("log")
             axes[-1].xaxis.set_major_formatter(FuncFormatter(lambda value, _: number(value, 1)))
             axes[-1].xaxis.set_minor_formatter(NullFormatter())
-        axes[0].set_xlim(*_ends(its))
-        _belief(axes[0], its, shown, confirmed)
+        axes[0].set_xlim(*_ends(history))
+        _belief(axes[0], history, shown, confirmed)
         axes[0].set_ylabel(f"{name}\n{short(shown.bracket)}")
-        _runs(axes[1], its)
-        of = ranking(its)
+        _runs(axes[1], history)
+        of = ranking(history)
         axes[2].plot(of["ended"], 100.0 * of["certainty"], color=BLUE, lw=1.2, marker="o", ms=2.5)
         axes[2].set_ylim(-4.0, 104.0)
         axes[2].set_ylabel("certainty of\nranking [%]")
         axes[3].plot(of["ended"], of["runs"], color=BLUE, ls="", marker="o", ms=2.5)
-        size = max(look.generation.population_size for look in its.looks)
+        size = max(look.generation.population_size for look in history.looks)
         axes[3].set_ylim(0.0, 1.15 * max(size, *of["runs"]))
         axes[3].yaxis.set_major_locator(MaxNLocator(integer=True, nbins=4))
         axes[3].set_ylabel("runs per\ngeneration")
         axes[3].set_xlabel("work spent by the search [full runs]")
         figure.align_ylabels(axes)
         legend_below(figure, axes)
-        draw_bands(axes, its.bands())
-        draw_restarts(axes, restart_places(its))
+        draw_bands(axes, history.bands())
+        draw_restarts(axes, restart_places(history))
         return as_svg(figure)
 
 
-def logarithmic(its: Course) -> bool:
+def logarithmic(history: Course) -> bool:
     """Whether the first level would be too narrow to see on a linear axis."""
-    _, began, ended = its.bands()[0]
-    return ended - began < LOG_BELOW * float(its.spent[-1])
+    _, began, ended = history.bands()[0]
+    return ended - began < LOG_BELOW * float(history.spent[-1])
 
 
-def _ends(its: Course) -> tuple[float, float]:
+def _ends(history: Course) -> tuple[float, float]:
     """Where the horizontal axis begins and ends [full runs]."""
-    last = float(its.spent[-1])
-    if not logarithmic(its):
+    last = float(history.spent[-1])
+    if not logarithmic(history):
         return -0.01 * last, 1.03 * last
-    first = min(float(its.spent[0]), *(look.ended for look in its.looks[:1]))
+    first = min(float(history.spent[0]), *(look.ended for look in history.looks[:1]))
     return 0.7 * max(first, 1e-9 * last), 1.2 * last
 
 
-def _belief(axis: "Axes", its: Course, shown: Display, confirmed: Comparison | None) -> None:
-    known = [look for look in its.looks if look.insight is not None]
+def _belief(axis: "Axes", history: Course, shown: Display, confirmed: Comparison | None) -> None:
+    known = [look for look in history.looks if look.insight is not None]
     label: str | None = "estimated for the recommended design, with 95\u202f% interval"
     values = []
     for _, group in groupby(known, key=lambda look: look.generation.level):
@@ -134,13 +134,13 @@ def _confirmed(axis: "Axes", confirmed: Comparison, shown: Display) -> Array:
     return values
 
 
-def _runs(axis: "Axes", its: Course) -> None:
+def _runs(axis: "Axes", history: Course) -> None:
     """A tick for each run, at its level; a cross for those that failed."""
-    fine = ~its.failed
-    axis.plot(its.spent[fine], its.level[fine], "|", color=GREY, ms=7, mew=1.0)
-    if its.failed.any():
-        axis.plot(its.spent[its.failed], its.level[its.failed], "x", color=ORANGE, ms=5, mew=1.4,
+    spent, level, failed = history.spent, history.level, history.failed
+    axis.plot(spent[~failed], level[~failed], "|", color=GREY, ms=7, mew=1.0)
+    if failed.any():
+        axis.plot(spent[failed], level[failed], "x", color=ORANGE, ms=5, mew=1.4,
                   label="failed run")  # fmt: skip
-    axis.set_yticks(range(len(its.levels)), map(short, its.levels), fontsize=8)
-    axis.set_ylim(-0.5, len(its.levels) - 0.5)
+    axis.set_yticks(range(len(history.levels)), map(short, history.levels), fontsize=8)
+    axis.set_ylim(-0.5, len(history.levels) - 0.5)
     axis.set_ylabel("level of\neach run")

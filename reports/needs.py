@@ -56,29 +56,29 @@ class Need:
 
     def range(self, design: str) -> str:
         """Smallest and largest value over the runs; empty for one run, or if both are equal."""
-        its = self.spreads[design]
-        low, high = self.text(its.low), self.text(its.high)
-        return "" if its.runs < 2 or low == high else f"{low} to {high}"
+        spread = self.spreads[design]
+        low, high = self.text(spread.low), self.text(spread.high)
+        return "" if spread.runs < 2 or low == high else f"{low} to {high}"
 
     def fault(self, design: str) -> str:
         """What is wrong with this design, in words; empty if nothing is."""
-        its, base = self.spreads[design], self.spreads.get("baseline")
+        spread, base = self.spreads[design], self.spreads.get("baseline")
         said = []
-        if its.failed:
-            said.append(f"{its.failed} of {its.runs + its.failed} runs failed")
-        if its.over:
-            said.append(f"above the limit in {its.over} of {its.runs} runs")
-        shown = self.text(its.median)  # what reads alike is not called worse
-        if base and its.median > base.median and shown != self.text(base.median):
+        if spread.failed:
+            said.append(f"{spread.failed} of {spread.runs + spread.failed} runs failed")
+        if spread.over:
+            said.append(f"above the limit in {spread.over} of {spread.runs} runs")
+        shown = self.text(spread.median)  # what reads alike is not called worse
+        if base and spread.median > base.median and shown != self.text(base.median):
             said.append("worse than the baseline")
         return ", ".join(said)
 
     def sentence(self) -> str:
         """The quantity of all designs in one line."""
         said = list(filter(None, [self.most]))
-        for design, its in self.spreads.items():
+        for design, spread in self.spreads.items():
             extra = ", ".join(filter(None, (self.range(design), self.fault(design).upper())))
-            said.append(f"{design} {self.text(its.median)}" + (f" ({extra})" if extra else ""))
+            said.append(f"{design} {self.text(spread.median)}" + (f" ({extra})" if extra else ""))
         return ", ".join(said)
 
 
@@ -120,12 +120,12 @@ def _spreads(
 ) -> dict[str, Spread]:
     """One quantity of each design that has a finished run which gives it."""
     made = {}
-    for design, its in runs.items():
-        given = [row.quantity(name) for row in its if row.finished]
+    for design, own in runs.items():
+        given = [row.quantity(name) for row in own if row.finished]
         values = [value for value in given if math.isfinite(value)]
         if values:
             over = 0 if limit is None else sum(value > limit for value in values)
-            failed = len(its) - len(values)
+            failed = len(own) - len(values)
             made[design] = Spread(
                 median(values), min(values), max(values), len(values), failed, over
             )

@@ -26,8 +26,8 @@ DESIGNS = 6  # shapes shown at most: two rows of a page
 def context(run: RunDirectory, describe: Describe) -> dict[str, Any]:
     """Everything that the templates name: text, numbers, SVG drawings, PNG pictures."""
     facts = gather(run)
-    run, its = facts.run, facts.result
-    best = None if its is None else describe(its.x)
+    run, found = facts.run, facts.result
+    best = None if found is None else describe(found.x)
     baseline = describe(np.asarray(facts.header["baseline"], dtype=float))
     views = designs(facts, describe)
     shapes = pictures.shapes(views)
@@ -38,17 +38,17 @@ def context(run: RunDirectory, describe: Describe) -> dict[str, Any]:
         "end": run.end,
         "state": state(run.end, facts.rows),
         "sentence": sentence(
-            its, facts.rows, facts.name, facts.shown, facts.quantities, ended=run.end is not None
+            found, facts.rows, facts.name, facts.shown, facts.quantities, ended=run.end is not None
         ),
         "name": facts.name,
         "work_head": _work_head(facts),
         "unit": facts.shown.unit,
-        "result": its and {"confirmed": bool(its.confirmations)},
+        "result": found and {"confirmed": bool(found.confirmations)},
         "assisted": _assisted(facts),
         "has_course": facts.course is not None,
-        "chosen": its
+        "chosen": found
         and chosen(
-            its,
+            found,
             method=facts.header.get("method"),
             insights=bool(run.insights),
             finalists=len({r.x.tobytes() for r in facts.rows if r.purpose == "finalist"}),
@@ -124,26 +124,28 @@ def _study(run: RunDirectory) -> str:
 
 
 def _tables(facts: Facts) -> dict[str, Any]:
-    its, header = facts.result, facts.header
+    found, header = facts.result, facts.header
     levels = [level["name"] for level in header["levels"]]
-    chosen_x = None if its is None else its.x
+    chosen_x = None if found is None else found.x
     best = solutions(facts.rows, levels, insights=facts.run.insights, chosen_x=chosen_x)
     asked = facts.quantities
     coverage = None
-    if its is not None and its.objective is not None:
-        interval = its.objective.reduction_interval
+    if found is not None and found.objective is not None:
+        interval = found.objective.reduction_interval
         coverage = None if interval is None else f"{100 * interval.coverage:.1f}"
     return {
-        "variables": tables.variables(header, None if its is None else its.x),
+        "variables": tables.variables(header, None if found is None else found.x),
         "ladder": tables.ladder(header),
-        "comparison": tables.comparison_lines(its, facts.name, facts.shown, asked) if its else [],
+        "comparison": tables.comparison_lines(found, facts.name, facts.shown, asked)
+        if found
+        else [],
         "coverage": coverage,
-        "confirmations": tables.confirmations(its, facts.shown, asked) if its else [],
+        "confirmations": tables.confirmations(found, facts.shown, asked) if found else [],
         "reference": _reference(facts),
         "solutions": tables.best_solutions(header, best, facts.shown, asked) if best else [],
         "work": tables.work(facts.stages),
         "failures": campaign.failures(facts.rows),
-        "belief": tables.belief_lines(its, facts.shown) if its else [],
+        "belief": tables.belief_lines(found, facts.shown) if found else [],
         "changes": (its_changes := changes(facts.run.generations)),
         "has_restarts": any(mark not in levels for mark, _, _ in its_changes),
         "seeds": sorted({r.seed for r in facts.rows if r.purpose == "search"}),
@@ -154,15 +156,15 @@ def _tables(facts: Facts) -> dict[str, Any]:
 
 def _reference(facts: Facts) -> dict[str, Any] | None:
     """The runs of best and baseline on another engine; None if the study asks for none."""
-    its = reference.repeated(facts.rows, facts.run.reference)
-    if its is None:
+    runs = reference.repeated(facts.rows, facts.run.reference)
+    if runs is None:
         return None
     top = facts.header["levels"][-1]
     return {
-        "words": reference.words(its, top["engine"], facts.shown),
-        "columns": [its.noted.engine, top["engine"], "ratio"],
-        "lines": reference.lines(its, facts.name, facts.shown, facts.quantities)
-        if any(its.pairs.values())
+        "words": reference.words(runs, top["engine"], facts.shown),
+        "columns": [runs.noted.engine, top["engine"], "ratio"],
+        "lines": reference.lines(runs, facts.name, facts.shown, facts.quantities)
+        if any(runs.pairs.values())
         else [],
     }
 
@@ -223,16 +225,18 @@ def designs(facts: Facts, describe: Describe) -> list[DesignView]:
 def cards(facts: Facts, best: DesignView | None) -> list[tuple[str, str, str]]:
     """Key figures: title, value, remark."""
     made: list[tuple[str, str, str]] = []
-    its = facts.result
-    if its is not None and its.objective is not None:
-        c = its.objective
+    found = facts.result
+    if found is not None and found.objective is not None:
+        c = found.objective
         remark = f"baseline {facts.shown.full(c.median_baseline)}"
         made.append((facts.name, facts.shown.full(c.median_best), remark))
-    elif its is not None and its.belief is not None:
-        remark = f"estimated for level {its.belief.level}"
-        made.append((facts.name, facts.shown.full(its.belief.mean), remark))
-    elif its is not None:
-        made.append((facts.name, facts.shown.full(its.found.value), f"one run, {its.found.level}"))
+    elif found is not None and found.belief is not None:
+        remark = f"estimated for level {found.belief.level}"
+        made.append((facts.name, facts.shown.full(found.belief.mean), remark))
+    elif found is not None:
+        made.append(
+            (facts.name, facts.shown.full(found.found.value), f"one run, {found.found.level}")
+        )
     if best is not None and best.bound_s is not None:
         ms = display("s", best.bound_s)
         remark = "for this motion"

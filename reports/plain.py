@@ -19,24 +19,24 @@ def plain(text: str) -> str:
     return UNPRINTABLE.sub(lambda found: ascii(found[0])[1:-1], text)
 
 
-def readable(its: T) -> T:
+def readable(given: T) -> T:
     """A record, mapping or sequence with all text in it plain."""
-    made: Any = its
-    if isinstance(its, str):
-        made = plain(its)
-    elif isinstance(its, Mapping):
-        made = {readable(key): readable(value) for key, value in its.items()}
-    elif isinstance(its, list | tuple):
-        made = type(its)(map(readable, its))
-    elif is_dataclass(its) and not isinstance(its, type):
-        made = replace(its, **{f.name: readable(getattr(its, f.name)) for f in fields(its)})
+    made: Any = given
+    if isinstance(given, str):
+        made = plain(given)
+    elif isinstance(given, Mapping):
+        made = {readable(key): readable(value) for key, value in given.items()}
+    elif isinstance(given, list | tuple):
+        made = type(given)(map(readable, given))
+    elif is_dataclass(given) and not isinstance(given, type):
+        made = replace(given, **{f.name: readable(getattr(given, f.name)) for f in fields(given)})
     return made  # type: ignore[no-any-return]
 
 
 def readable_run(run: RunDirectory) -> RunDirectory:
     """A run directory whose header, generations, insights and ends are plain text."""
-    its = copy(run)
-    its.header = readable(run.header)
-    its.generations, its.insights = readable(run.generations), readable(run.insights)
-    its.reference, its.end = readable(run.reference), readable(run.end)
-    return its
+    copied = copy(run)
+    copied.header = readable(run.header)
+    copied.generations, copied.insights = readable(run.generations), readable(run.insights)
+    copied.reference, copied.end = readable(run.reference), readable(run.end)
+    return copied

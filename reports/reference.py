@@ -40,7 +40,7 @@ def repeated(rows: Sequence[Row], noted: Reference | None) -> Repeated | None:
     """The reference runs among the evaluations of a run; None if the study asks for none."""
     if noted is None:
         return None
-    return Repeated(noted, {design: _pair(rows, *its) for design, its in DESIGNS.items()})
+    return Repeated(noted, {design: _pair(rows, *purposes) for design, purposes in DESIGNS.items()})
 
 
 def _pair(rows: Sequence[Row], there: Purpose, here: Purpose) -> Pair | None:
@@ -52,7 +52,7 @@ def _pair(rows: Sequence[Row], there: Purpose, here: Purpose) -> Pair | None:
 
 
 def lines(
-    its: Repeated, name: str, shown: Display, quantities: Sequence[Quantity]
+    runs: Repeated, name: str, shown: Display, quantities: Sequence[Quantity]
 ) -> list[list[str]]:
     """Quantity, and for both designs: on the reference engine, at the target level, ratio."""
     asked: list[tuple[str, Display, Callable[[Row], float]]] = [
@@ -60,7 +60,7 @@ def lines(
         *((f"{q.name} [{q.shown[1]}]", Display(*q.shown), _reader(q.name)) for q in quantities),
     ]
     return [
-        [label, *(cell for design in DESIGNS for cell in _cells(its.pairs[design], unit, read))]
+        [label, *(cell for design in DESIGNS for cell in _cells(runs.pairs[design], unit, read))]
         for label, unit, read in asked
     ]
 
@@ -83,18 +83,18 @@ def ratio(there: float, here: float) -> str:
     return number(there / here, 3) if whole else MISSING
 
 
-def words(its: Repeated, engine: str, shown: Display) -> str:
+def words(repeats: Repeated, engine: str, shown: Display) -> str:
     """What the reference runs say.
 
     Args:
-        its: the runs.
+        repeats: the runs.
         engine: of the target level.
         shown: how values of the objective are shown.
     """
-    if its.noted.why_not is not None:
-        return f"The reference run was skipped: {its.noted.why_not}."
-    reference = f"{its.noted.engine} {its.noted.version}"
-    pairs = {design: pair for design, pair in its.pairs.items() if pair is not None}
+    if repeats.noted.why_not is not None:
+        return f"The reference run was skipped: {repeats.noted.why_not}."
+    reference = f"{repeats.noted.engine} {repeats.noted.version}"
+    pairs = {design: pair for design, pair in repeats.pairs.items() if pair is not None}
     if not pairs:
         return f"The reference run on {reference} has not been made yet."
     seed = next(iter(pairs.values())).there.seed

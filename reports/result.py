@@ -57,19 +57,19 @@ def result(
         if not found:
             return None
         return Result(found[0], (), baseline, None, {}, _belief(found[0].x, insights, rows))
-    its = tuple(r for r in confirmed if np.array_equal(r.x, confirmed[-1].x))
+    own = tuple(r for r in confirmed if np.array_equal(r.x, confirmed[-1].x))
     search = (
         r
         for r in rows
-        if r.purpose == "search" and r.level == its[0].level and np.array_equal(r.x, its[0].x)
+        if r.purpose == "search" and r.level == own[0].level and np.array_equal(r.x, own[0].x)
     )
     return Result(
-        next(search, its[0]),
-        its,
+        next(search, own[0]),
+        own,
         baseline,
-        compare(its, baseline, lambda r: r.value),
-        _quantities(its, baseline),
-        _belief(its[0].x, insights, rows),
+        compare(own, baseline, lambda r: r.value),
+        _quantities(own, baseline),
+        _belief(own[0].x, insights, rows),
     )
 
 
@@ -88,7 +88,7 @@ def _quantities(best: Sequence[Row], baseline: Sequence[Row]) -> dict[str, Compa
 
     names = dict.fromkeys(name for row in (*best, *baseline) for name in row.quantities)
     found = {name: compare(best, baseline, of(name)) for name in names}
-    return {name: its for name, its in found.items() if its is not None}
+    return {name: comparison for name, comparison in found.items() if comparison is not None}
 
 
 def compare(
@@ -136,9 +136,9 @@ def solutions(
 
 def best_at(rows: Sequence[Row], level: str, insights: Sequence[Insight] = ()) -> Array | None:
     """The best design (d,) at one level: last recommended there, else of the lowest value."""
-    its = [i for i in insights if i.level == level]
+    own = [i for i in insights if i.level == level]
     if insights:
-        return frozen(its[-1].best) if its else None
+        return frozen(own[-1].best) if own else None
     runs = [r for r in rows if r.purpose == "search" and r.level == level and r.finished]
     return min(runs, key=lambda r: r.value).x if runs else None
 
@@ -146,5 +146,5 @@ def best_at(rows: Sequence[Row], level: str, insights: Sequence[Insight] = ()) -
 def typical_first(rows: Sequence[Row]) -> Row | None:
     """The run of the first generation whose objective is the median of that generation."""
     first = min((r.generation for r in rows if r.purpose == "search"), default=None)
-    its = [r for r in rows if r.purpose == "search" and r.generation == first]
-    return sorted(its, key=lambda r: r.value)[len(its) // 2] if its else None
+    own = [r for r in rows if r.purpose == "search" and r.generation == first]
+    return sorted(own, key=lambda r: r.value)[len(own) // 2] if own else None

@@ -49,17 +49,18 @@ def sentence(
         return "No run has finished yet, so there is no result." if rows else "Nothing has run yet."
     if result.objective is None or not math.isfinite(result.objective.median_best):
         return _unconfirmed(result, name, shown, quantities, so_far="" if ended else " so far")
-    its = result.objective
-    text = _no_better(its) + (
-        f"The best design has a median {name} of {shown.full(its.median_best)} over "
-        f"{len(its.seeds)} fresh seed{'s' * (len(its.seeds) != 1)}, {against(its, shown)}"
+    comparison = result.objective
+    count = len(comparison.seeds)
+    text = _no_better(comparison) + (
+        f"The best design has a median {name} of {shown.full(comparison.median_best)} over "
+        f"{count} fresh seed{'s' * (count != 1)}, {against(comparison, shown)}"
     )
     return text + _beside(result, quantities) + "."
 
 
-def _no_better(its: Comparison) -> str:
+def _no_better(comparison: Comparison) -> str:
     """Advice if no better design was found."""
-    better = its.median_best < its.median_baseline
+    better = comparison.median_best < comparison.median_baseline
     return "" if better else "No better design was found: keep the baseline. "
 
 
@@ -67,11 +68,11 @@ def _beside(result: Result, quantities: Sequence[Quantity]) -> str:
     """The quantities of both designs, which the objective may hide; medians over the seeds."""
     said = []
     for q in quantities:
-        its, shown = result.quantities.get(q.name), Display(*q.shown)
-        if its is not None and math.isfinite(its.median_best):
-            text = f"{q.name} {shown.full(its.median_best, 3)}"
-            if math.isfinite(its.median_baseline):
-                text += f" instead of {shown.full(its.median_baseline, 3)}"
+        comparison, shown = result.quantities.get(q.name), Display(*q.shown)
+        if comparison is not None and math.isfinite(comparison.median_best):
+            text = f"{q.name} {shown.full(comparison.median_best, 3)}"
+            if math.isfinite(comparison.median_baseline):
+                text += f" instead of {shown.full(comparison.median_baseline, 3)}"
             said.append(text)
     return f"; {', '.join(said)}" if said else ""
 

@@ -83,31 +83,35 @@ def comparison_lines(
         lines.append(_comparison(f"{name} [{shown.unit}]", result.objective, shown))
     for q in quantities:
         if q.name in result.quantities:
-            label, its = label_of(q), Display(*q.shown)
-            lines.append(_comparison(label, result.quantities[q.name], its))
+            label, unit = label_of(q), Display(*q.shown)
+            lines.append(_comparison(label, result.quantities[q.name], unit))
     return lines
 
 
-def _comparison(label: str, its: Comparison, shown: Display) -> list[str]:
+def _comparison(label: str, comparison: Comparison, shown: Display) -> list[str]:
     plain = Display(shown.factor, MISSING)
+    best, baseline = (
+        interval_text(median_interval(values), plain)
+        for values in (comparison.best, comparison.baseline)
+    )
     return [
         label,
-        shown.text(its.median_best), interval_text(median_interval(its.best), plain),
-        shown.text(its.median_baseline), interval_text(median_interval(its.baseline), plain),
-        MISSING if its.reduction is None else PERCENT.full(its.reduction, 3),
-        MISSING if its.reduction_interval is None
-        else interval_text(its.reduction_interval, PERCENT, 3),
+        shown.text(comparison.median_best), best,
+        shown.text(comparison.median_baseline), baseline,
+        MISSING if comparison.reduction is None else PERCENT.full(comparison.reduction, 3),
+        MISSING if comparison.reduction_interval is None
+        else interval_text(comparison.reduction_interval, PERCENT, 3),
     ]  # fmt: skip
 
 
 def belief_lines(result: Result, shown: Display) -> list[list[str]]:
     """What the search believed of the best design, and what fresh seeds say: level, interval."""
     lines = []
-    if (its := result.belief) is not None:
-        low, high = its.interval
+    if (belief := result.belief) is not None:
+        low, high = belief.interval
         interval = f"{shown.text(low)} to {shown.text(high)}"
-        interval = "runs do not scatter" if its.exact else interval
-        lines.append(["estimated by the search", its.level, shown.text(its.mean), interval])
+        interval = "runs do not scatter" if belief.exact else interval
+        lines.append(["estimated by the search", belief.level, shown.text(belief.mean), interval])
     if lines and (seen := result.objective) is not None:
         plain = Display(shown.factor, MISSING)
         interval = interval_text(median_interval(seen.best), plain)
