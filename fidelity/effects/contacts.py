@@ -107,7 +107,7 @@ COHESION = SetupEffect(
         "a pull of 2 pi R* energy in each contact",
         "Derjaguin, Muller & Toporov 1975, doi:10.1016/0021-9797(75)90018-1",
     ),
-    ("numba",),
+    ("numba", "yade"),
     _stick,
 )
 RESTITUTION = SetupEffect(

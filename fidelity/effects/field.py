@@ -46,7 +46,7 @@ DRAG_LINEAR = SetupEffect(
         "dv/dt = g - rate v / scale^2, ends in g / rate",
         "Stokes 1851: rate = 18 viscosity / (density diameter^2)",
     ),
-    ("numba",),
+    ("numba", "yade"),
     _drag_linearly,
 )
 DRAG_QUADRATIC = SetupEffect(
@@ -57,7 +57,7 @@ DRAG_QUADRATIC = SetupEffect(
         "dv/dt = g - rate |v| v / scale, ends in sqrt(g / rate)",
         "Newton's drag: rate = 3/4 C_d air density / (grain density diameter)",
     ),
-    ("numba",),
+    ("numba", "yade"),
     _drag_quadratically,
 )
 BODY_DAMPING = SetupEffect(

@@ -36,6 +36,35 @@ def test_free_fall_is_along_gravity(engine: Engine) -> None:
 
 
 @on_springs
+@pytest.mark.parametrize(("part", "hangs"), [(0.97, True), (1.03, False)])
+def test_a_sphere_hangs_from_a_wall_up_to_its_pull_off_force(
+    engine: Engine, part: float, hangs: bool
+) -> None:
+    reduced = R if engine.name == "numba" else 2 / 3 * R  # YADE takes a wall for a sphere of 2 R
+    weight = spheres_in_line(1).mass * G
+    # Off the line between the plane's two triangles, where YADE has two contacts.
+    start = [Start((0.1, -0.2, -R + 1e-6))]
+    setup = scene(spheres_in_line(1), start, plane(), physics=HERTZ, duration=0.1)
+    setup = switched_on(setup, "cohesion", {"energy": weight / (part * 2 * math.pi * reduced)})
+    sunk = -R - moved(engine, setup).positions[0, 2]
+    assert bool(sunk < 0.0) is hangs
+
+
+@on_springs
+@pytest.mark.parametrize(("effect", "ends_in"), [("drag_linear", G / 20), ("drag_quadratic", 0.7)])
+@pytest.mark.parametrize("scale", [1.0, 0.5])
+def test_drag_ends_in_the_terminal_velocity(
+    engine: Engine, effect: str, ends_in: float, scale: float
+) -> None:
+    # A half as large sphere feels Stokes' drag four times, Newton's twice.
+    rate, power = (20.0, 2.0) if effect == "drag_linear" else (G / 0.7**2, 0.5)
+    setup = scene(spheres_in_line(1), [Start((0.0, 0.0, 0.0))], physics=HERTZ, duration=0.8)
+    setup = replace(setup, packing=replace(setup.packing, scales=np.array([scale])))
+    movement = moved(engine, switched_on(setup, effect, {"rate": rate}))
+    assert -movement.velocities[0, 2] == pytest.approx(ends_in * scale**power, rel=1e-4)
+
+
+@on_springs
 @pytest.mark.parametrize("friction", [0.2, 0.6])
 def test_a_block_slides_on_a_tilted_plane_by_the_friction_of_that_wall(
     engine: Engine, friction: float

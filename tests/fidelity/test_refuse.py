@@ -25,9 +25,7 @@ SETUP = Setup(
 )
 NEITHER_HAS = [
     ("rolling_friction", Physics(rolling_friction=0.1), "0.1"),
-    ("adhesion_energy", Physics(adhesion_energy=0.02), "0.02"),
-    ("linear_drag", Physics(linear_drag=3.0), "3.0"),
-    ("quadratic_drag", Physics(quadratic_drag=0.5), "0.5"),
+    ("rolling_stiffness", Physics(rolling_stiffness=2.0), "2.0"),
     ("body_forces", Physics(body_forces=(JET,)), "(BodyForce"),
 ]
 
@@ -38,6 +36,10 @@ NEITHER_HAS = [
     + [
         (YadeEngine(), "restitution", Physics(restitution=0.6), "0.6"),
         (YadeEngine(), "restitution", Physics(contact_law="hertz"), "None"),
+        (YadeEngine(), "adhesion_energy", Physics(adhesion_energy=0.02), "0.02"),
+        (BulletEngine(), "adhesion_energy", Physics(adhesion_energy=0.02), "0.02"),
+        (BulletEngine(), "linear_drag", Physics(linear_drag=3.0), "3.0"),
+        (BulletEngine(), "quadratic_drag", Physics(quadratic_drag=0.5), "0.5"),
         (BulletEngine(), "contact_law", Physics(contact_law="hertz", restitution=0.6), "'hertz'"),
     ],
 )
@@ -50,6 +52,14 @@ def test_what_an_engine_lacks_is_refused_with_a_remedy(
     assert f"engine {engine.name}" in message
     assert f"{field} = {value}" in message
     assert "choose the engine numba" in message
+
+
+@pytest.mark.parametrize("name", ["linear_drag", "quadratic_drag"])
+def test_yade_refuses_drag_on_grains_of_several_spheres(name: str) -> None:
+    long = line_grain(0.012, 0.004, 3, 1400.0)
+    physics = replace(SETUP.physics, **{name: 0.5})  # type: ignore[arg-type]
+    with pytest.raises(ConfigError, match=rf"{name} = 0\.5 .* give the grains one sphere"):
+        YadeEngine().move(replace(SETUP, grain=long, physics=physics), time_limit_s=60.0)
 
 
 def test_absent_physics_is_no_reason_to_refuse() -> None:

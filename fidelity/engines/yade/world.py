@@ -16,6 +16,7 @@ from yade.minieigenHP import Quaternion, Vector3
 from yade.wrapper import (
     Bo1_Facet_Aabb,
     Bo1_Sphere_Aabb,
+    DragEngine,
     ForceResetter,
     FrictMat,
     Ig2_Facet_Sphere_ScGeom,
@@ -26,8 +27,10 @@ from yade.wrapper import (
     Ip2_FrictMat_FrictMat_MindlinPhys,
     Law2_ScGeom_FrictPhys_CundallStrack,
     Law2_ScGeom_MindlinPhys_Mindlin,
+    LinearDragEngine,
     MatchMaker,
     NewtonIntegrator,
+    Sphere,
     VTKRecorder,
 )
 
@@ -244,6 +247,7 @@ def engines(given: dict[str, Any], walls: list[Wall]) -> list[Any]:
             [Ig2_Sphere_Sphere_ScGeom(), Ig2_Facet_Sphere_ScGeom()],
             *contact_law(physics, frictions(walls)),
         ),
+        *drags(given),
         NewtonIntegrator(
             damping=physics["damping"],
             gravity=Vector3(*gravity_vector(physics).tolist()),
@@ -256,6 +260,20 @@ def engines(given: dict[str, Any], walls: list[Wall]) -> list[Any]:
         period = max(1, round(given["engine"]["trace_period"] / O.dt))
         recorders = ["spheres", "facets", "velocity"]
         made.append(VTKRecorder(fileName=trace, recorders=recorders, iterPeriod=period))
+    return made
+
+
+def drags(given: dict[str, Any]) -> list[Any]:
+    """Air on grains of one sphere: F = 6 pi nu r v, and F = rho / 2 C_d pi r^2 v^2 with C_d = 1."""
+    physics, mass, radius = given["physics"], given["grain_mass"], float(given["grain_radii"][0])
+    spheres = [body.id for body in O.bodies if isinstance(body.shape, Sphere)]
+    made = []
+    if physics["linear_drag"] > 0.0:
+        nu = physics["linear_drag"] * mass / (6.0 * math.pi * radius)
+        made.append(LinearDragEngine(nu=nu, ids=spheres))
+    if physics["quadratic_drag"] > 0.0:
+        rho = 2.0 * physics["quadratic_drag"] * mass / (math.pi * radius**2)
+        made.append(DragEngine(Rho=rho, Cd=1.0, ids=spheres))
     return made
 
 
@@ -278,9 +296,11 @@ def frictions(walls: list[Wall]) -> dict[str, Any]:
 def contact_law(physics: dict[str, Any], friction: dict[str, Any]) -> tuple[list[Any], list[Any]]:
     """What makes a contact's stiffness, and what its force."""
     if physics["contact_law"] == "hertz":
-        return (
-            [Ip2_FrictMat_FrictMat_MindlinPhys(en=physics["restitution"], **friction)],
-            [Law2_ScGeom_MindlinPhys_Mindlin()],
+        # YADE's pull of 4 pi R* gamma is that of the work of adhesion 2 gamma.
+        energy = physics["adhesion_energy"]
+        made = Ip2_FrictMat_FrictMat_MindlinPhys(
+            en=physics["restitution"], gamma=energy / 2, **friction
         )
+        return [made], [Law2_ScGeom_MindlinPhys_Mindlin(includeAdhesion=energy > 0.0)]
     made = Ip2_FrictMat_FrictMat_FrictPhys(**friction)
     return [made], [Law2_ScGeom_FrictPhys_CundallStrack()]
