@@ -30,7 +30,7 @@ from yade_scenes import (
     single,
 )
 
-from fidelity.engine import Grain, Packing, Physics, Wall, WallMotion
+from fidelity.engine import Grain, Movement, Packing, Physics, Wall, WallMotion
 from fidelity.engines.yade import engine as yade
 from fidelity.engines.yade.engine import YadeEngine
 from fidelity.grains.grain import line_grain
@@ -43,6 +43,12 @@ needs_yade = pytest.mark.skipif(
     shutil.which("yade") is None, reason="YADE is not installed (apt-get install yade)"
 )
 pytestmark = [pytest.mark.yade, needs_yade]
+
+
+@pytest.fixture(scope="module")
+def undisturbed() -> Movement:
+    """A run of the grains in a box."""
+    return YadeEngine().move(BOXED, time_limit_s=LIMIT_S)
 
 
 @pytest.mark.parametrize("damp_gravity", [False, True])
@@ -209,9 +215,10 @@ def test_the_time_step_is_that_of_the_smallest_grain() -> None:
     assert steps[0] == pytest.approx(0.6 * R * math.sqrt(DENSITY / 1e6), rel=1e-12)
 
 
-def test_runs_repeat_bit_for_bit_and_a_trace_changes_nothing(tmp_path: Path) -> None:
-    engine = YadeEngine(trace=tmp_path / "trace")
-    first = YadeEngine().move(BOXED, time_limit_s=LIMIT_S)
+def test_runs_repeat_bit_for_bit_and_a_trace_changes_nothing(
+    undisturbed: Movement, tmp_path: Path
+) -> None:
+    engine, first = YadeEngine(trace=tmp_path / "trace"), undisturbed
     second = engine.move(BOXED, time_limit_s=LIMIT_S)
     for field in ("positions", "orientations", "velocities"):
         assert np.array_equal(getattr(first, field), getattr(second, field))
@@ -314,8 +321,7 @@ def wait_for_yade(parent: int, other_than: int = 0) -> int:
     return pid
 
 
-def test_killed_yade_is_run_once_more_with_the_same_result() -> None:
-    expected = YadeEngine().move(BOXED, time_limit_s=LIMIT_S)
+def test_killed_yade_is_run_once_more_with_the_same_result(undisturbed: Movement) -> None:
     results = []
     run = threading.Thread(
         target=lambda: results.append(YadeEngine().move(BOXED, time_limit_s=LIMIT_S))
@@ -325,7 +331,7 @@ def test_killed_yade_is_run_once_more_with_the_same_result() -> None:
     os.kill(first, signal.SIGKILL)
     run.join()
     assert results[0].status == "finished"
-    assert np.array_equal(results[0].positions, expected.positions)
+    assert np.array_equal(results[0].positions, undisturbed.positions)
 
 
 def test_yade_killed_twice_is_a_crash() -> None:

@@ -33,7 +33,7 @@ engine = "command"
 command = {fine}
 work = 10
 [search]
-budget = 6
+budget = 3
 [confirm]
 seeds = 1
 [run]
@@ -56,7 +56,7 @@ def study(folder: Path, *, coarse: str = "False", fine: str = "False") -> Path:
     (folder / "simulator.py").write_text(SIMULATOR)
     program, calls = str(folder / "simulator.py"), str(folder / "calls")
     commands = {
-        name: json.dumps([sys.executable, program, calls, fails])
+        name: json.dumps([sys.executable, "-I", "-S", program, calls, fails])
         for name, fails in (("coarse", coarse), ("fine", fine))
     }
     path = folder / "study.toml"
@@ -98,26 +98,31 @@ def test_a_dry_run_measures_and_writes_nothing(tmp_path: Path) -> None:
     assert {p.name for p in tmp_path.iterdir()} == {"study.toml", "simulator.py", "calls"}
 
 
-def test_what_the_check_ran_is_stored_and_not_run_again(tmp_path: Path) -> None:
-    directory = tmp_path / "run"
-    done = mfopt("run", study(tmp_path), "-q", "-d", directory)
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a study that was run."""
+    folder = tmp_path_factory.mktemp("finished")
+    done = mfopt("run", study(folder), "-q", "-d", folder / "run")
     assert done.returncode == 0, done.stderr
-    made = list(open_run(directory).evaluations())
+    return folder
+
+
+def test_what_the_check_ran_is_stored_and_not_run_again(finished: Path) -> None:
+    made = list(open_run(finished / "run").evaluations())
     assert [(e.candidate.level, e.candidate.purpose) for e in made[:2]] == [
         ("coarse", "check"), ("fine", "check"),
     ]  # fmt: skip
-    once = [(level, seed, tuple(x.values())) for level, seed, x in calls(tmp_path)]
+    once = [(level, seed, tuple(x.values())) for level, seed, x in calls(finished)]
     assert len(once) == len(set(once))
     spent = sum(e.outcome.work for e in made if e.candidate.purpose in ("check", "search"))
-    assert spent <= 6 * 10.0
+    assert spent <= 3 * 10.0
 
 
-def test_a_resumed_run_does_not_check_whole_runs_again(tmp_path: Path) -> None:
-    path, directory = study(tmp_path), tmp_path / "run"
-    assert mfopt("run", path, "-q", "-d", directory).returncode == 0
-    before = len(calls(tmp_path))
-    assert mfopt("run", path, "-q", "-d", directory, "--resume").returncode == 0
-    assert len(calls(tmp_path)) == before
+def test_a_resumed_run_does_not_check_whole_runs_again(finished: Path) -> None:
+    before = len(calls(finished))
+    directory = finished / "run"
+    assert mfopt("run", finished / "study.toml", "-q", "-d", directory, "--resume").returncode == 0
+    assert len(calls(finished)) == before
 
 
 def test_a_run_without_a_finished_run_at_its_target_ends_with_the_commonest_reason(

@@ -25,9 +25,9 @@ def run(directory: Path, study: str, environment: Mapping[str, str], *more: str)
 
 
 def study(reference: str) -> str:
-    return STUDY.format(engine='"numba"').replace(
-        "seeds = 1", f"seeds = 1\nreference = {reference}"
-    )
+    one_worker = "\n[run]\nworkers = 1\n"  # which loads the kernel once
+    confirm = f"seeds = 1\nreference = {reference}"
+    return STUDY.format(engine='"numba"').replace("seeds = 1", confirm) + one_worker
 
 
 @pytest.fixture

@@ -225,15 +225,22 @@ def test_the_search_begins_at_the_best_start_which_is_a_finalist_too(
     np.testing.assert_array_equal(baseline, PROBLEM.baseline)  # and not the start
 
 
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("undisturbed") / "run"
+    with_starts(path, assisted, Finals(2, seeds=2))
+    return path
+
+
 @pytest.mark.parametrize("breaks_after", [1, 4, 5, -9, -4])
 def test_broken_off_before_or_after_the_search_it_resumes_to_the_undisturbed_run(
-    breaks_after: int, tmp_path: Path
+    breaks_after: int, undisturbed: Path, tmp_path: Path
 ) -> None:
-    whole = with_starts(tmp_path / "whole", assisted, Finals(2, seeds=2))
+    whole = content(undisturbed)
     with pytest.raises(KeyboardInterrupt):
-        with_starts(tmp_path / "broken", assisted, Finals(2, seeds=2), breaks_after % len(whole))
-    with_starts(tmp_path / "broken", assisted, Finals(2, seeds=2))
-    assert content(tmp_path / "broken") == content(tmp_path / "whole")
+        with_starts(tmp_path / "run", assisted, Finals(2, seeds=2), breaks_after % len(whole))
+    with_starts(tmp_path / "run", assisted, Finals(2, seeds=2))
+    assert content(tmp_path / "run") == whole
 
 
 def test_runs_of_starts_count_in_the_budget(tmp_path: Path) -> None:

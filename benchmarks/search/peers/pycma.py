@@ -10,10 +10,12 @@ from typing import Any
 
 import cma
 import numpy as np
+from scipy.stats import kendalltau
 
 from benchmarks.search.case import Case, Meter, Trace, spend
 from benchmarks.search.peers.evolution import Runs, mean_of
 
+cma.fitness_models._kendalltau = kendalltau  # `mfopt.search.pycma` loads pycma without SciPy's
 MOST_REEVALUATIONS = 30  # as pycma's own example sets it
 
 
