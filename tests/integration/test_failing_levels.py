@@ -33,11 +33,18 @@ engine = "command"
 command = {fine}
 work = 10
 [search]
-budget = 3
+{search}
 [confirm]
 seeds = 1
 [run]
 workers = 2
+"""
+ASSISTED = "budget = 3"
+# Without a surrogate, which takes longer to load than these studies take to run.
+PLANNED = """
+method = "cma-es"
+population_size = 3
+stage = [{ level = "coarse", generations = 1 }, { level = "fine", generations = 1 }]
 """
 SIMULATOR = """
 import json, sys
@@ -51,7 +58,9 @@ print(json.dumps({"f": (x["a"] - 0.3) ** 2 + x["b"] ** 2}))
 """
 
 
-def study(folder: Path, *, coarse: str = "False", fine: str = "False") -> Path:
+def study(
+    folder: Path, search: str = PLANNED, *, coarse: str = "False", fine: str = "False"
+) -> Path:
     """A study whose levels fail where these expressions hold; each call is noted in `calls`."""
     (folder / "simulator.py").write_text(SIMULATOR)
     program, calls = str(folder / "simulator.py"), str(folder / "calls")
@@ -60,7 +69,7 @@ def study(folder: Path, *, coarse: str = "False", fine: str = "False") -> Path:
         for name, fails in (("coarse", coarse), ("fine", fine))
     }
     path = folder / "study.toml"
-    path.write_text(STUDY.format(**commands))
+    path.write_text(STUDY.format(search=search, **commands))
     return path
 
 
@@ -102,7 +111,7 @@ def test_a_dry_run_measures_and_writes_nothing(tmp_path: Path) -> None:
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a study that was run."""
     folder = tmp_path_factory.mktemp("finished")
-    done = mfopt("run", study(folder), "-q", "-d", folder / "run")
+    done = mfopt("run", study(folder, ASSISTED), "-q", "-d", folder / "run")
     assert done.returncode == 0, done.stderr
     return folder
 
