@@ -57,3 +57,5 @@ TimestepFactor = Annotated[float, Field(ge=1e-3, le=2.0)]
 ChordalError = Annotated[float, Field(ge=0.01, le=100.0)]  # [mm]
 DesignValue = Annotated[float, Field(ge=-10_000.0, le=10_000.0)]  # [mm], or [-] of the motion
 Damping = Annotated[float, Field(ge=0.0, le=0.95)]
+Restitution = Annotated[float, Field(ge=0.01, le=1.0)]
+Degrees = Annotated[float, Field(ge=0.0, le=89.0)]

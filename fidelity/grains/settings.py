@@ -2,7 +2,7 @@
 
 import math
 
-from fidelity.engine import Material
+from fidelity.engine import ContactLaw, Material, Physics
 from mfopt.limits import (
     ChordalError,
     Damping,
@@ -11,11 +11,14 @@ from mfopt.limits import (
     Grains,
     Modulus,
     PoissonRatio,
+    Restitution,
     SpheresPerGrain,
     TimeLimit,
     TimestepFactor,
 )
 from mfopt.settings import Settings
+
+GRAVITY = 9.81  # [m/s2]
 
 
 class MaterialSettings(Settings):
@@ -57,5 +60,18 @@ class DemSettings(Settings):
     # Of r_min sqrt(density / E). At 0.9 one run in ten exploded where the cup pinched grains, at
     # 0.6 none of those did.
     timestep_factor: TimestepFactor = 0.6
+    contact_law: ContactLaw = "linear"  # springs of Cundall and Strack, or Hertz and Mindlin
+    restitution: Restitution | None = None  # needed by hertz
     chordal_error_mm: ChordalError | None = None  # a quarter of the sphere radius if None
     time_limit_s: TimeLimit = 7200
+
+    def physics(self) -> Physics:
+        """Contact and integration settings, with the gravity of the earth."""
+        return Physics(
+            contact_law=self.contact_law,
+            restitution=self.restitution,
+            damping=self.damping,
+            damp_gravity=self.damp_gravity,
+            gravity=GRAVITY,
+            timestep_factor=self.timestep_factor,
+        )

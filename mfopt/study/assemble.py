@@ -15,7 +15,10 @@ from fidelity.grains.settings import DemSettings
 from fidelity.level import SceneLevel
 from fidelity.programs.command import CommandLevel
 from fidelity.scene import Scene
+from fidelity.scenes.discharge.scene import Discharge
 from fidelity.scenes.dosing.scene import Dosing
+from fidelity.scenes.heap.scene import Heap
+from fidelity.scenes.silo.scene import Silo
 from mfopt.arrays import frozen
 from mfopt.campaign.phases import Starts
 from mfopt.errors import ConfigError
@@ -35,7 +38,7 @@ SNAPSHOTS = 4  # moments of the best run that the report shows
 
 Precision = Literal["double", "longdouble", "float128"]
 # Every scene is a line here.
-SCENES: Mapping[str, type[Scene]] = {kind.name: kind for kind in (Dosing,)}
+SCENES: Mapping[str, type[Scene]] = {kind.name: kind for kind in (Dosing, Discharge, Heap, Silo)}
 
 DemName = Literal["numba", "yade", "bullet"]
 DEM_NAMES = get_args(DemName)

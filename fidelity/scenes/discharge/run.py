@@ -22,6 +22,7 @@ from fidelity.grains.filling import (
     top_of,
 )
 from fidelity.samples import Columns, Plane, Samples, even_columns
+from geometry.mesh import Mesh
 from geometry.sections import Section
 from mfopt.arrays import Array, frozen
 from mfopt.errors import ConfigError
@@ -166,12 +167,15 @@ def discharge_samples(settings: DischargeSettings, portion: Portion, times: Arra
 
 def hopper(settings: DischargeSettings, portion: Portion, top: float) -> Wall:
     """The hopper's walls up to the height `top` [m]."""
-    shoulder = settings.shoulder
+    its = hopper_mesh(settings, max(top, settings.shoulder + portion.grain_length))
+    return Wall("hopper", its.vertices, its.triangles, portion.wall_material)
+
+
+def hopper_mesh(settings: DischargeSettings, top: float) -> Mesh:
+    """The hopper's walls up to the height `top` [m], above the shoulder."""
     box = settings.length, settings.depth
     corners = np.array(
-        rectangle(*settings.outlet, 0.0)
-        + rectangle(*box, shoulder)
-        + rectangle(*box, max(top, shoulder + portion.grain_length))
+        rectangle(*settings.outlet, 0.0) + rectangle(*box, settings.shoulder) + rectangle(*box, top)
     )
     rings = np.arange(12).reshape(3, 4)
     triangles = np.array(strip(rings[0], rings[1]) + strip(rings[1], rings[2]))
@@ -179,7 +183,7 @@ def hopper(settings: DischargeSettings, portion: Portion, top: float) -> Wall:
     areas = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
     # A flat bottom has no floor where the outlet takes the whole depth.
     solid = triangles[areas > 1e-9 * settings.length * settings.depth]
-    return Wall("hopper", corners, solid, portion.wall_material)
+    return Mesh(corners, solid)
 
 
 def discharge_result(

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fidelity.engine import Grain, Material, Movement, Packing, Physics, Setup, Wall, WallMotion
+from fidelity.engine import Grain, Material, Movement, Packing, Setup, Wall, WallMotion
 from fidelity.grains.grain import portion_grain
 from fidelity.grains.portion import depth_in_section, depth_inside
 from fidelity.grains.settings import DemSettings
@@ -26,7 +26,6 @@ from mfopt.arrays import AnyArray, Array, frozen
 
 COLLAR = 2.5  # height of the simulated walls of the cup in heights of the cup
 CHORDAL_ERROR = 0.25  # [sphere radii] a mesh this fine is rougher than nothing that matters
-GRAVITY = 9.81  # [m/s2]
 EMPTYING_FIRST = 0.25  # share of the cycle at which the first snapshot is taken
 
 
@@ -62,12 +61,7 @@ def cup_filling(settings: DosingSettings, dem: DemSettings, seed: int) -> CupFil
         grain=grain,
         grain_material=settings.grain.material(dem.young_modulus_pa),
         wall_material=settings.wall.material(),
-        physics=Physics(
-            damping=dem.damping,
-            damp_gravity=dem.damp_gravity,
-            gravity=GRAVITY,
-            timestep_factor=dem.timestep_factor,
-        ),
+        physics=dem.physics(),
         cup=cup,
         collar=COLLAR * cup.height,
         chordal_error=CHORDAL_ERROR * float(grain.radii.min()) if error is None else MILLI * error,

@@ -18,8 +18,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from fidelity.engine import Grain, Movement, Packing, Setup, Wall, WallMotion
-from fidelity.grains.filling import Portion, loose_in, plane, settling_setup, strip, top_of
+from fidelity.grains.filling import (
+    Portion,
+    loose_in,
+    rectangle,
+    settling_setup,
+    strip,
+    top_of,
+)
 from fidelity.grains.portion import sphere_centres
+from geometry.mesh import Mesh
 from geometry.sections import Section
 from mfopt.arrays import Array, frozen
 from mfopt.errors import ConfigError
@@ -61,7 +69,7 @@ def filling_setup(settings: HeapSettings, portion: Portion, seed: int) -> Setup:
         ConfigError: if a setting makes no sense.
         SimulationError: if the grain is too long for the cylinder.
     """
-    _check(settings)
+    check_heap(settings)
     section = Section(2 * settings.radius, 2 * settings.radius, settings.radius, 0.0)
     sagitta = settings.radius * (1 - math.cos(math.pi / SEGMENTS))
     loose = loose_in(portion, section, 0.0, seed, chordal_error=sagitta)
@@ -90,7 +98,12 @@ def heap_setup(settings: HeapSettings, portion: Portion, packing: Packing) -> Se
     )
 
 
-def _check(settings: HeapSettings) -> None:
+def check_heap(settings: HeapSettings) -> None:
+    """Refuse settings that make no sense.
+
+    Raises:
+        ConfigError: the message names quantity, value, limit and remedy.
+    """
     for name in ("radius", "lift_speed", "lift_height"):
         if not getattr(settings, name) > 0:
             raise ConfigError(f"{name} = {getattr(settings, name):g} must be positive; enlarge it")
@@ -102,17 +115,30 @@ def _check(settings: HeapSettings) -> None:
 
 
 def _plate(settings: HeapSettings, portion: Portion) -> Wall:
-    return plane("plate", settings.plate, settings.plate, 0.0, portion.wall_material)
+    its = plate_mesh(settings)
+    return Wall("plate", its.vertices, its.triangles, portion.wall_material)
 
 
 def _cylinder(
     settings: HeapSettings, portion: Portion, top: float, motion: WallMotion | None = None
 ) -> Wall:
+    its = cylinder_mesh(settings, top)
+    return Wall("cylinder", its.vertices, its.triangles, portion.wall_material, motion)
+
+
+def plate_mesh(settings: HeapSettings) -> Mesh:
+    """The plate at z = 0."""
+    corners = np.array(rectangle(settings.plate, settings.plate, 0.0))
+    return Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]]))
+
+
+def cylinder_mesh(settings: HeapSettings, top: float) -> Mesh:
+    """The cylinder from the plate up to the height `top` [m]."""
     angles = np.linspace(0.0, 2 * np.pi, SEGMENTS, endpoint=False)
     circle = settings.radius * np.column_stack([np.cos(angles), np.sin(angles)])
     rings = [np.column_stack([circle, np.full(SEGMENTS, z)]) for z in (0.0, top)]
     triangles = np.array(strip(np.arange(SEGMENTS), np.arange(SEGMENTS, 2 * SEGMENTS)))
-    return Wall("cylinder", np.vstack(rings), triangles, portion.wall_material, motion)
+    return Mesh(np.vstack(rings), triangles)
 
 
 def heap_result(grain: Grain, movement: Movement) -> Heap:

@@ -1,0 +1,230 @@
+"""The heap of a lifted cylinder as a scene."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+from pydantic import Field, Strict, model_validator
+
+from fidelity.engine import Movement, Packing, Setup
+from fidelity.grains.filling import Portion, Rained
+from fidelity.grains.settings import STEEL, DemSettings, MaterialSettings
+from fidelity.scene import Cycle
+from fidelity.scenes.beads import BEADS
+from fidelity.scenes.design import problem_of, values_at
+from fidelity.scenes.heap.run import (
+    HeapSettings,
+    check_heap,
+    cylinder_mesh,
+    filling_setup,
+    heap_result,
+    heap_setup,
+    plate_mesh,
+)
+from fidelity.scenes.portion import MILLI, portion_of
+from geometry.mesh import Mesh
+from mfopt.arrays import AnyArray, Array, frozen
+from mfopt.errors import ConfigError, InvalidDesign
+from mfopt.limits import Degrees, DesignValue, Kilograms, Millimetres, Milliseconds
+from mfopt.records.objective import Criteria, Objective, Quantity, Raw
+from mfopt.records.problem import Problem
+from mfopt.records.view import DesignView
+from mfopt.settings import Settings, checked, nearest
+
+UNITS = {"radius": "mm", "lift_speed": "mm/s"}
+WORK_SHARE = 1.0  # all spheres stay
+HEIGHT = 2.0  # of the drawn cylinder in its radius
+Bounds = Annotated[tuple[DesignValue, DesignValue], Strict(False)]  # TOML gives a list
+
+
+class Cylinder(Settings):
+    """A cylinder full of grains on a plate."""
+
+    radius_mm: Millimetres = 40
+    lift_speed_mm_s: float = Field(default=100, ge=1.0, le=10_000.0)
+    lift_height_mm: Millimetres = 150
+    plate_mm: Millimetres = 400  # side of the plate
+    rest_ms: Milliseconds = 300  # from the end of the lift to that of the run
+    portion_kg: Kilograms = 0.25
+    grain_length_mm: Millimetres = 5
+    grain_width_mm: Millimetres = 5
+    grain: MaterialSettings = BEADS
+    wall: MaterialSettings = STEEL
+    free: dict[str, Bounds] = Field(
+        default_factory=lambda: {"lift_speed": (20.0, 400.0)}, min_length=1
+    )
+
+    @model_validator(mode="after")
+    def _known(self) -> "Cylinder":
+        for name in self.free:
+            if name not in UNITS:
+                raise ValueError(f"free: unknown measure {name!r}{nearest(name, UNITS)}")
+        return self
+
+    def values(self) -> dict[str, float]:
+        """Value of every measure that can be free [mm, mm/s]."""
+        return {"radius": self.radius_mm, "lift_speed": self.lift_speed_mm_s}
+
+
+class Wanted(Settings):
+    """What a study can say of the objective."""
+
+    angle_deg: Degrees = 25.0  # of repose, that is wanted
+
+
+@dataclass(frozen=True, slots=True)
+class _Possible:
+    """The hard constraint; a class so that a problem can be sent to another process."""
+
+    settings: Cylinder
+
+    def __call__(self, x: Array) -> str | None:
+        try:
+            built(self.settings, x)
+        except InvalidDesign as error:
+            return str(error)
+        return None
+
+
+def built(settings: Cylinder, x: Array) -> HeapSettings:
+    """The cylinder of the design `x` (d,) [mm, mm/s].
+
+    Raises:
+        InvalidDesign: if it cannot be built.
+    """
+    values = values_at(settings.values(), settings.free, x)
+    its = HeapSettings(
+        radius=MILLI * values["radius"],
+        plate=MILLI * settings.plate_mm,
+        lift_speed=MILLI * values["lift_speed"],
+        lift_height=MILLI * settings.lift_height_mm,
+        rest=MILLI * settings.rest_ms,
+    )
+    try:
+        check_heap(its)
+    except ConfigError as error:
+        raise InvalidDesign(str(error)) from error
+    return its
+
+
+def _angle(raw: Raw) -> float:
+    """Angle of repose [rad]."""
+    return float(raw["angle"])
+
+
+def _angle_error(wanted: float, raw: Raw) -> dict[str, float]:
+    """Distance of the angle of repose from the wanted one [rad]."""
+    return {"angle error": abs(_angle(raw) - wanted)}
+
+
+@dataclass(frozen=True, slots=True)
+class Heap:
+    """Grains that form a heap when their cylinder is lifted. Implements `fidelity.scene.Scene`."""
+
+    name: ClassVar[str] = "heap"
+
+    settings: Cylinder = field(default_factory=Cylinder)
+    wanted: Wanted = field(default_factory=Wanted)
+
+    @classmethod
+    def read(cls, own: Mapping[str, Any], wanted: Mapping[str, Any], where: str) -> "Heap":
+        """The scene that a study describes."""
+        return cls(
+            checked(Cylinder, own, where=f"{where}: problem.{cls.name}"),
+            checked(Wanted, wanted, where=f"{where}: problem"),
+        )
+
+    def problem(self) -> Problem:
+        """The free measures."""
+        its = self.settings
+        return problem_of(
+            its.values(), its.free, UNITS, constraint=_Possible(its), objective_unit="rad"
+        )
+
+    def starts(self, problem: Problem) -> Mapping[str, Array]:
+        """The cylinder as it is given."""
+        return {"baseline": problem.baseline}
+
+    def criteria(self) -> Criteria:
+        """Angle and radius of the heap."""
+        wanted = math.radians(self.wanted.angle_deg)
+        error = Objective("angle_error", lambda raw: _angle_error(wanted, raw))
+        return Criteria(
+            {"angle_error": error},
+            (
+                Quantity("angle of repose", "rad", _angle, (180.0 / math.pi, "°")),
+                Quantity("radius of the heap", "m", lambda raw: float(raw["radius"]), (1e3, "mm")),
+            ),
+            "angle of repose",
+            self.wanted.model_dump(mode="json"),
+        )
+
+    def portion(self, x: Array, dem: DemSettings) -> Portion:
+        """The grains in the cylinder."""
+        its = self.settings
+        return portion_of(its.portion_kg, its.grain_length_mm, its.grain_width_mm,
+                          its.grain, its.wall, dem)  # fmt: skip
+
+    def cycle(self, x: Array) -> Cycle:
+        """Lift and rest."""
+        its = built(self.settings, x)
+        return Cycle(its.lift_height / its.lift_speed + its.rest, WORK_SHARE)
+
+    def filling(self, x: Array, dem: DemSettings, seed: int) -> Rained:
+        """The grains rain into the cylinder."""
+        return Rained(filling_setup(built(self.settings, x), self.portion(x, dem), seed))
+
+    def setup(
+        self, x: Array, dem: DemSettings, packing: Packing | None, seed: int, moments: int
+    ) -> Setup:
+        """The full cylinder when its lift begins."""
+        assert packing is not None
+        setup = heap_setup(built(self.settings, x), self.portion(x, dem), packing)
+        times = np.linspace(0.0, 1.0, moments + 1)[1:] * setup.duration * (1.0 - 1e-3)
+        return replace(setup, snapshot_times=frozen(times))
+
+    def results(
+        self, x: Array, dem: DemSettings, setup: Setup, movement: Movement, seed: int
+    ) -> tuple[dict[str, AnyArray], str | None]:
+        """The heap at the end."""
+        told = heap_result(setup.grain, movement)
+        values = {
+            "angle": told.angle, "radius": told.radius, "radii": told.radii,
+            "heights": told.heights, "mean_height": told.mean_height, "fallen": told.fallen,
+            "grains": len(movement.exit_times), "duration": setup.duration,
+            "end_time": movement.end_time, "timestep": movement.timestep,
+            "max_overlap": movement.max_overlap,
+        }  # fmt: skip
+        raw = {name: np.asarray(value) for name, value in values.items()}
+        raw |= {name: np.asarray(a, np.float32) for name, a in movement.snapshots.items()}
+        return raw, None
+
+    def reduced(self, name: str, grains: int) -> None:
+        """There is no analytic model of a heap."""
+
+    def view(self, x: Array, dem: DemSettings | None) -> DesignView:
+        """Cylinder and plate, and the grains of the target level."""
+        grain = None if dem is None else self.portion(x, dem).grain
+        return DesignView(
+            label="",
+            x=x,
+            parts={name: (m.vertices, m.triangles) for name, m in self.meshes(x).items()},
+            grain_offsets=np.empty((0, 3)) if grain is None else grain.offsets,
+            grain_radii=np.empty(0) if grain is None else grain.radii,
+        )
+
+    def meshes(self, x: Array) -> Mapping[str, Mesh]:
+        """Cylinder and plate."""
+        its = built(self.settings, x)
+        return {"cylinder": cylinder_mesh(its, HEIGHT * its.radius), "plate": plate_mesh(its)}
+
+    def write_step(self, x: Array, directory: Path) -> str:
+        """There is no STEP file of a plain cylinder.
+
+        Raises:
+            ConfigError: always; its mesh is in the STL file.
+        """
+        raise ConfigError("the scene heap writes no STEP file; its parts are in the STL files")

@@ -1,0 +1,179 @@
+"""The slender silo as a scene."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+from pydantic import Field, Strict, model_validator
+
+from fidelity.engine import Movement, Packing, Setup
+from fidelity.grains.filling import Portion, filling_time, rectangle, strip
+from fidelity.grains.settings import STEEL, DemSettings, MaterialSettings
+from fidelity.scene import Cycle
+from fidelity.scenes.beads import BEADS
+from fidelity.scenes.design import problem_of, values_at
+from fidelity.scenes.portion import MILLI, portion_of
+from fidelity.scenes.silo.run import SiloSettings, silo_load, silo_setup
+from geometry.mesh import Mesh
+from mfopt.arrays import AnyArray, Array
+from mfopt.errors import ConfigError
+from mfopt.limits import DesignValue, Kilograms, Millimetres, Milliseconds
+from mfopt.records.objective import Criteria, Objective, Quantity, Raw
+from mfopt.records.problem import Problem
+from mfopt.records.view import DesignView
+from mfopt.settings import Settings, checked, nearest
+
+UNITS = {"width": "mm"}
+WORK_SHARE = 1.0  # all spheres stay
+LOOSE = 0.35  # solid share of the grains before they fall, to predict how long they do
+POURED = 0.55  # and after it
+Bounds = Annotated[tuple[DesignValue, DesignValue], Strict(False)]  # TOML gives a list
+
+
+class Box(Settings):
+    """A box of square section on a floor, and what is in it."""
+
+    width_mm: Millimetres = 60
+    rest_ms: Milliseconds = 100  # after the time in which the grains come to rest
+    portion_kg: Kilograms = 1.0
+    grain_length_mm: Millimetres = 5
+    grain_width_mm: Millimetres = 5
+    grain: MaterialSettings = BEADS
+    wall: MaterialSettings = STEEL
+    free: dict[str, Bounds] = Field(default_factory=lambda: {"width": (40.0, 100.0)}, min_length=1)
+
+    @model_validator(mode="after")
+    def _known(self) -> "Box":
+        for name in self.free:
+            if name not in UNITS:
+                raise ValueError(f"free: unknown measure {name!r}{nearest(name, UNITS)}")
+        return self
+
+    def values(self) -> dict[str, float]:
+        """Value of every measure that can be free [mm]."""
+        return {"width": self.width_mm}
+
+
+class Wanted(Settings):
+    """Nothing can be said of the objective."""
+
+
+def _floor_share(raw: Raw) -> float:
+    """Share of the grains' weight that the floor carries."""
+    return float(raw["floor_share"])
+
+
+def _wall_share(raw: Raw) -> float:
+    """Share of the grains' weight that the side walls carry."""
+    return float(raw["wall_share"])
+
+
+@dataclass(frozen=True, slots=True)
+class Silo:
+    """Grains in a slender box, whose walls carry a part of them. Implements the scene protocol."""
+
+    name: ClassVar[str] = "silo"
+
+    settings: Box = field(default_factory=Box)
+    wanted: Wanted = field(default_factory=Wanted)
+
+    @classmethod
+    def read(cls, own: Mapping[str, Any], wanted: Mapping[str, Any], where: str) -> "Silo":
+        """The scene that a study describes."""
+        return cls(
+            checked(Box, own, where=f"{where}: problem.{cls.name}"),
+            checked(Wanted, wanted, where=f"{where}: problem"),
+        )
+
+    def problem(self) -> Problem:
+        """The free measures."""
+        return problem_of(self.settings.values(), self.settings.free, UNITS)
+
+    def starts(self, problem: Problem) -> Mapping[str, Array]:
+        """The box as it is given."""
+        return {"baseline": problem.baseline}
+
+    def criteria(self) -> Criteria:
+        """What floor and walls carry."""
+        return Criteria(
+            {"floor_load": Objective("floor_load", lambda raw: {"floor": _floor_share(raw)})},
+            (
+                Quantity("weight on the floor", "-", _floor_share, (1e2, "%")),
+                Quantity("weight on the walls", "-", _wall_share, (1e2, "%")),
+            ),
+            "weight on the walls",
+        )
+
+    def portion(self, x: Array, dem: DemSettings) -> Portion:
+        """The grains in the box."""
+        its = self.settings
+        return portion_of(its.portion_kg, its.grain_length_mm, its.grain_width_mm,
+                          its.grain, its.wall, dem)  # fmt: skip
+
+    def cycle(self, x: Array) -> Cycle:
+        """Fall and rest."""
+        portion = self.portion(x, DemSettings(grains=1000, spheres_per_grain=1))
+        fall = filling_time(portion, self._height(x, LOOSE))
+        return Cycle(fall + MILLI * self.settings.rest_ms, WORK_SHARE)
+
+    def filling(self, x: Array, dem: DemSettings, seed: int) -> None:
+        """Filling is a part of the run, so that the friction of the walls is that of filling."""
+
+    def setup(
+        self, x: Array, dem: DemSettings, packing: Packing | None, seed: int, moments: int
+    ) -> Setup:
+        """Loose grains above the floor."""
+        return silo_setup(self._built(x), self.portion(x, dem), seed)
+
+    def results(
+        self, x: Array, dem: DemSettings, setup: Setup, movement: Movement, seed: int
+    ) -> tuple[dict[str, AnyArray], str | None]:
+        """What floor and walls carry at rest."""
+        told = silo_load(self.portion(x, dem), movement)
+        values = {
+            "wall_share": told.wall_share, "floor_share": told.floor_share,
+            "shares": told.shares, "fill_height": told.fill_height,
+            "grains": len(movement.exit_times), "duration": setup.duration,
+            "end_time": movement.end_time, "timestep": movement.timestep,
+            "max_overlap": movement.max_overlap,
+        }  # fmt: skip
+        return {name: np.asarray(value) for name, value in values.items()}, None
+
+    def reduced(self, name: str, grains: int) -> None:
+        """There is no analytic model of a silo yet."""
+
+    def view(self, x: Array, dem: DemSettings | None) -> DesignView:
+        """The box, and the grains of the target level."""
+        grain = None if dem is None else self.portion(x, dem).grain
+        return DesignView(
+            label="",
+            x=x,
+            parts={name: (m.vertices, m.triangles) for name, m in self.meshes(x).items()},
+            grain_offsets=np.empty((0, 3)) if grain is None else grain.offsets,
+            grain_radii=np.empty(0) if grain is None else grain.radii,
+        )
+
+    def meshes(self, x: Array) -> Mapping[str, Mesh]:
+        """The side walls, as high as the grains stand."""
+        width, height = self._built(x).width, self._height(x, POURED)
+        corners = np.array(rectangle(width, width, 0.0) + rectangle(width, width, height))
+        return {"sides": Mesh(corners, np.array(strip(np.arange(4), np.arange(4, 8))))}
+
+    def write_step(self, x: Array, directory: Path) -> str:
+        """There is no STEP file of a plain box.
+
+        Raises:
+            ConfigError: always; its mesh is in the STL file.
+        """
+        raise ConfigError("the scene silo writes no STEP file; its sides are in sides.stl")
+
+    def _built(self, x: Array) -> SiloSettings:
+        values = values_at(self.settings.values(), self.settings.free, x)
+        return SiloSettings(MILLI * values["width"], MILLI * self.settings.rest_ms)
+
+    def _height(self, x: Array, solid: float) -> float:
+        """Height [m] that the grains fill, at a solid share."""
+        its = self.settings
+        return its.portion_kg / its.grain.density_kg_m3 / solid / self._built(x).width ** 2
