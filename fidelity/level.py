@@ -64,7 +64,7 @@ class SceneLevel:
         except SimulationError as error:
             return Outcome(frozen(x), self.name, seed, "crashed", str(error))
         part = share * self.scene.cycle(x).duration_s
-        short = replace(setup, duration=part, snapshot_times=np.empty(0))
+        short = replace(setup, duration=part, snapshot_times=np.empty(0), samples=None)
         movement = self.engine.move(short, time_limit_s=self.dem.time_limit_s)
         work = movement.sphere_steps * self.engine.cost_factor
         why = movement.why

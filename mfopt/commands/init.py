@@ -1,5 +1,6 @@
 """`mfopt init`: a study file to start from."""
 
+import inspect
 import shutil
 from pathlib import Path
 from typing import Annotated
@@ -8,18 +9,32 @@ import typer
 
 from mfopt.commands.shared import screen
 from mfopt.errors import ConfigError
+from mfopt.settings import nearest
+from mfopt.study.assemble import SCENES
 
-TEMPLATE = Path(__file__).with_name("template.toml")  # examples/rice-quick.toml
+DEFAULT = "dosing"
 
 
 def init(
     path: Annotated[Path, typer.Argument(help="file to write")] = Path("study.toml"),
+    scene: Annotated[str, typer.Option(help="kind of machine or test")] = DEFAULT,
 ) -> None:
     """Write a commented study file to start from."""
     if path.exists():
         raise ConfigError(f"{path} exists already; give another name")
     try:
-        shutil.copyfile(TEMPLATE, path)
+        shutil.copyfile(template(scene), path)
     except OSError as error:
         raise ConfigError(f"cannot write {path}: {error.strerror}") from error
     screen.print(f"wrote {path}; run it with: mfopt run {path}")
+
+
+def template(scene: str) -> Path:
+    """The commented study of a scene, which lies beside its code.
+
+    Raises:
+        ConfigError: if there is no such scene.
+    """
+    if scene not in SCENES:
+        raise ConfigError(f"there is no scene {scene!r}{nearest(scene, SCENES)}")
+    return Path(inspect.getfile(SCENES[scene])).with_name("template.toml")

@@ -40,9 +40,10 @@ def test_every_file_of_the_packages_is_in_the_wheel(unpacked: Path) -> None:
     assert {path for path in ours if not (unpacked / path).is_file()} == set()
 
 
-def test_its_template_is_the_shipped_example(unpacked: Path) -> None:
-    example = (ROOT / "examples" / "rice-quick.toml").read_bytes()
-    assert (unpacked / "mfopt" / "commands" / "template.toml").read_bytes() == example
+@pytest.mark.parametrize(("scene", "example"), [("dosing", "rice-quick"), ("discharge", "hopper")])
+def test_its_templates_are_the_shipped_examples(scene: str, example: str, unpacked: Path) -> None:
+    shipped = (ROOT / "examples" / f"{example}.toml").read_bytes()
+    assert (unpacked / "fidelity" / "scenes" / scene / "template.toml").read_bytes() == shipped
 
 
 def test_init_and_check_work_from_the_wheel(unpacked: Path, tmp_path: Path) -> None:
