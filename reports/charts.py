@@ -257,15 +257,15 @@ def label_rows(lefts: Sequence[float], labels: Sequence[str]) -> list[int]:
 
 
 def motion(best: DesignView, baseline: DesignView | None) -> str:
-    """Position and velocity of the cup over time, on aligned panels."""
+    """Position and velocity of the moving part over time, on aligned panels."""
     with styled():
         figure, axes = _figure(3.7, 2, [1.25, 1.0])
         lines = [(best, "best", BLUE, "-"), (baseline, "baseline", ORANGE, "--")]
         for view, label, colour, dashes in lines:
             if view is not None and len(view.motion_times):
                 t = view.motion_times * 1e3
-                axes[0].plot(t, view.cup_positions * 1e3, color=colour, ls=dashes, label=label)
-                axes[1].plot(t, view.cup_velocities, color=colour, ls=dashes, label=label)
+                axes[0].plot(t, view.motion_positions * 1e3, color=colour, ls=dashes, label=label)
+                axes[1].plot(t, view.motion_velocities, color=colour, ls=dashes, label=label)
         for name, (time, position) in best.motion_points.items():
             axes[0].plot(time * 1e3, position * 1e3, "o", color=BLUE, mfc="white", ms=6, zorder=5)
             axes[0].annotate(name, (time * 1e3, position * 1e3), xytext=(7, -11),
@@ -274,16 +274,22 @@ def motion(best: DesignView, baseline: DesignView | None) -> str:
             for axis in axes:
                 axis.axvline(time * 1e3, color=BLUE, lw=0.7, ls=":")
         axes[1].axhline(0.0, color=GREY, lw=0.7)
-        axes[0].set_ylabel("cup position [mm]")
-        axes[1].set_ylabel("cup velocity [m/s]")
-        axes[1].set_xlabel("time since the start of the cycle [ms]")
+        axes[0].set_ylabel(f"{best.mover} position [mm]")
+        axes[1].set_ylabel(f"{best.mover} velocity [m/s]")
+        axes[1].set_xlabel(f"time since {best.clock} [ms]")
         axes[0].legend(loc="upper left")
         axes[1].margins(x=0.01)
         return as_svg(figure)
 
 
-def passages(best: Sequence[Array], baseline: Sequence[Array]) -> str:
-    """Share of grains that have passed, and their rate, pooled over the runs of each design."""
+def passages(best: Sequence[Array], baseline: Sequence[Array], clock: str) -> str:
+    """Share of grains that have passed, and their rate, pooled over the runs of each design.
+
+    Args:
+        best: passage times (n,) [s] of each run of the best design.
+        baseline: likewise.
+        clock: what they are counted from, in words.
+    """
     with styled():
         figure, axes = _figure(3.7, 2, [1.0, 1.1])
         every = np.concatenate([*best, *baseline]) * 1e3
@@ -303,7 +309,7 @@ def passages(best: Sequence[Array], baseline: Sequence[Array]) -> str:
                 axes[1].stairs(rate, edges, color=colour, fill=True, alpha=0.12)
         axes[0].set_ylabel("grains passed [%]")
         axes[1].set_ylabel("rate [grains/s]")
-        axes[1].set_xlabel("time since the start of the cycle [ms]")
+        axes[1].set_xlabel(f"time since {clock} [ms]")
         axes[0].legend(loc="lower right")
         axes[1].set_ylim(bottom=0.0)
         return as_svg(figure)

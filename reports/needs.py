@@ -38,6 +38,7 @@ class Need:
     unit: str  # of the numbers, SI; "-" for a share
     shown: Display
     limit: float | None  # that the study sets
+    lower_is_better: bool
     spreads: Mapping[str, Spread]  # by design; "best" and "baseline" first
 
     @property
@@ -68,10 +69,14 @@ class Need:
             said.append(f"{spread.failed} of {spread.runs + spread.failed} runs failed")
         if spread.over:
             said.append(f"above the limit in {spread.over} of {spread.runs} runs")
-        shown = self.text(spread.median)  # what reads alike is not called worse
-        if base and spread.median > base.median and shown != self.text(base.median):
+        if base and self._worse(spread.median, base.median):
             said.append("worse than the baseline")
         return ", ".join(said)
+
+    def _worse(self, value: float, other: float) -> bool:
+        """Whether a value is worse than another; values that read alike are not."""
+        worse = self.lower_is_better and value > other
+        return worse and self.text(value) != self.text(other)
 
     def sentence(self) -> str:
         """The quantity of all designs in one line."""
@@ -99,7 +104,14 @@ def needs(
     if (simple := _best_start(rows)) and not np.array_equal(simple[0].x, result.x):
         runs[SIMPLE] = simple
     made = [
-        Need(q.name, q.unit, Display(*q.shown), q.limit, _spreads(runs, q.name, q.limit))
+        Need(
+            q.name,
+            q.unit,
+            Display(*q.shown),
+            q.limit,
+            q.lower_is_better,
+            _spreads(runs, q.name, q.limit),
+        )  # fmt: skip
         for q in quantities
     ]
     return tuple(need for need in made if "best" in need.spreads)

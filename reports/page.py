@@ -101,11 +101,12 @@ def _assisted(facts: Facts) -> bool:
 
 
 def _shown(best: DesignView) -> dict[str, Any]:
-    bounds = {"bound_ms": best.bound_s, "bound_any_ms": best.bound_any_s}
     return {
         "notes": list(best.notes),
         "has_points": bool(best.motion_points),
-        **{name: None if s is None else f"{1e3 * s:.0f}" for name, s in bounds.items()},
+        "mover": best.mover,
+        "counted_at": best.counted_at,
+        "bound_note": best.bound_note,
     }
 
 
@@ -177,7 +178,7 @@ def _figures(
         confirmed = None if facts.result is None else facts.result.objective
         made["progress"] = course_chart.course(facts.course, facts.shown, facts.name, confirmed)
     elif any(np.isfinite(s.best) for s in facts.steps):
-        bound = best.bound_any_s if best else None  # it holds for every design
+        bound = best.bound_any if best else None  # it holds for every design
         made["progress"] = charts.progress(
             facts.steps, facts.shown, facts.name, facts.beside, bound
         )
@@ -186,7 +187,9 @@ def _figures(
     if facts.result is not None:
         times = _passage_times(facts, facts.result.confirmations or (facts.result.found,))
         if times:
-            made["passages"] = charts.passages(times, _passage_times(facts, facts.result.baseline))
+            clock = "the start of the run" if best is None else best.clock
+            baseline_times = _passage_times(facts, facts.result.baseline)
+            made["passages"] = charts.passages(times, baseline_times, clock)
         if best is not None:
             made["snapshots"] = pictures.snapshots(_raw(facts, facts.result.typical), best)
     return made
@@ -237,12 +240,12 @@ def cards(facts: Facts, best: DesignView | None) -> list[tuple[str, str, str]]:
         made.append(
             (facts.name, facts.shown.full(found.found.value), f"one run, {found.found.level}")
         )
-    if best is not None and best.bound_s is not None:
-        ms = display("s", best.bound_s)
+    if best is not None and best.bound is not None:
+        ms = display("s", best.bound)
         remark = "for this motion"
-        if best.bound_any_s is not None:
-            remark += f"; {ms.full(best.bound_any_s, 3)} for any"
-        made.append(("physical lower bound", ms.full(best.bound_s, 3), remark))
+        if best.bound_any is not None:
+            remark += f"; {ms.full(best.bound_any, 3)} for any"
+        made.append(("physical lower bound", ms.full(best.bound, 3), remark))
     if facts.costs:
         made.append(_cost_card(facts.costs))
     return made

@@ -7,32 +7,24 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from mfopt.arrays import AnyArray, Array
-from mfopt.records.view import DesignView, Mesh
+from mfopt.records.view import Colour, DesignView, Mesh
 from reports import charts, raster
 
-# Okabe and Ito's colour-blind-safe palette (2008), by part; the rest is grey.
-PART_COLOURS: Mapping[str, tuple[float, float, float]] = {
-    "hopper": (0.337, 0.706, 0.914),
-    "cup": (0.902, 0.624, 0.0),
-    "tube": (0.75, 0.75, 0.75),
-    "plate": (0.85, 0.85, 0.85),
-}
-OTHER_COLOUR = (0.7, 0.7, 0.7)
-TRANSLUCENT: Mapping[str, float] = {"plate": 0.5, "cup": 0.75}  # they would hide the hopper
+GREY = (0.7, 0.7, 0.7)  # of parts without a colour
 AZIMUTH, ELEVATION = math.radians(32.0), math.radians(16.0)
 SHAPE_HEIGHT_PX = 440
 SNAPSHOT_HEIGHT_PX = 500
 FARTHEST = 100.0  # [m] from the machine; a grain beyond has left the picture
 
 
-def part_colour(name: str) -> tuple[float, float, float]:
-    """Colour of a part of that name, red, green and blue 0..1."""
-    return PART_COLOURS.get(name, OTHER_COLOUR)
+def part_colour(view: DesignView, name: str) -> Colour:
+    """Colour of a part of that name."""
+    return view.colours.get(name, GREY)
 
 
 def extent(views: Sequence[DesignView]) -> Array:
-    """Points (n, 3) [m] that pictures of the designs must show; the plate may be cut off."""
-    meshes = [m for view in views for name, m in view.parts.items() if name != "plate"]
+    """Points (n, 3) [m] that pictures of the designs must show; a backdrop may be cut off."""
+    meshes = [m for view in views for name, m in view.parts.items() if name not in view.backdrop]
     return np.concatenate([vertices for vertices, _ in meshes])
 
 
@@ -47,11 +39,11 @@ def shapes(views: Sequence[DesignView]) -> list[bytes]:
 
 def _shape(view: raster.View, design: DesignView) -> bytes:
     picture = raster.blank(view)
-    for name in sorted(design.parts, key=lambda n: TRANSLUCENT.get(n, 1.0), reverse=True):
+    for name in sorted(design.parts, key=lambda n: design.translucent.get(n, 1.0), reverse=True):
         vertices, triangles = design.parts[name]
         picture = raster.draw_mesh(
-            picture, view, vertices, triangles, part_colour(name),
-            opacity=TRANSLUCENT.get(name, 1.0),
+            picture, view, vertices, triangles, part_colour(design, name),
+            opacity=design.translucent.get(name, 1.0),
         )  # fmt: skip
     return png(raster.finish(picture))
 
@@ -130,7 +122,7 @@ def wall_lines(design: DesignView, time: float) -> Array:
     """Segments (m, 2, 2) of x and z where the parts cross y = 0 at `time` [s]."""
     moved = 0.0
     if len(design.motion_times):
-        since_start = design.cup_positions - design.cup_positions[0]
+        since_start = design.motion_positions - design.motion_positions[0]
         moved = float(np.interp(time, design.motion_times, since_start))
     made = []
     for name, mesh in design.parts.items():

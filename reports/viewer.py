@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mfopt.records.view import DesignView
-from reports.pictures import TRANSLUCENT, extent, part_colour
+from reports.pictures import extent, part_colour
 
 
 def scene(views: Sequence[DesignView]) -> str:
@@ -27,10 +27,10 @@ def scene(views: Sequence[DesignView]) -> str:
 
 def _parts(view: DesignView) -> list[dict[str, object]]:
     """Parts of one design, opaque ones first as blending wants them."""
-    names = sorted(view.parts, key=lambda name: TRANSLUCENT.get(name, 1.0), reverse=True)
+    names = sorted(view.parts, key=lambda name: view.translucent.get(name, 1.0), reverse=True)
     return [
         {
-            "colour": [*part_colour(name), TRANSLUCENT.get(name, 1.0)],
+            "colour": [*part_colour(view, name), view.translucent.get(name, 1.0)],
             "vertices": _base64(view.parts[name][0].astype("<f4").tobytes()),
             "triangles": _base64(view.parts[name][1].astype("<u4").tobytes()),
         }

@@ -7,6 +7,7 @@ import numpy as np
 
 from mfopt.arrays import Array, IntArray
 
+Colour = tuple[float, float, float]  # red, green and blue, 0..1
 Mesh = tuple[Array, IntArray]  # vertices (v, 3) [m], triangles (t, 3)
 
 
@@ -24,15 +25,22 @@ class DesignView:
     label: str
     x: Array  # (d,) physical units
     parts: Mapping[str, Mesh] = field(default_factory=dict)  # as they stand at time 0
-    moving: frozenset[str] = frozenset({"cup"})  # parts that follow the motion
+    colours: Mapping[str, Colour] = field(default_factory=dict)  # of parts; others are grey
+    translucent: Mapping[str, float] = field(default_factory=dict)  # parts that would hide others
+    backdrop: frozenset[str] = frozenset()  # parts that may run out of the picture
+    moving: frozenset[str] = frozenset()  # parts that follow the motion
+    mover: str = ""  # what moves, in a word
     motion_times: Array = field(default_factory=_none)  # (m,) [s], from 0
-    cup_positions: Array = field(default_factory=_none)  # (m,) of its centre along x [m]
-    cup_velocities: Array = field(default_factory=_none)  # (m,) [m/s]
+    motion_positions: Array = field(default_factory=_none)  # (m,) of the moving part along x [m]
+    motion_velocities: Array = field(default_factory=_none)  # (m,) [m/s]
     motion_points: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     # named points of the motion law: time [s], position [m]
     notes: tuple[str, ...] = ()  # manufacturability, one sentence each
-    bound_s: float | None = None  # physical lower bound of the filling time with this motion [s]
-    bound_any_s: float | None = None  # the same over all motions [s]
+    bound: float | None = None  # physical lower bound of the quantity beside the objective, SI
+    bound_any: float | None = None  # the same over all designs
+    bound_note: str = ""  # what the bounds say, a sentence
+    counted_at: str = "the outlet"  # where passing grains are counted, in words
+    clock: str = "the start of the run"  # what time is counted from, in words
     grain_offsets: Array = field(default_factory=lambda: np.empty((0, 3)))  # (k, 3) [m], top level
     grain_radii: Array = field(default_factory=_none)  # (k,) [m], top level
 

@@ -195,11 +195,15 @@ def describe(x: Array) -> DesignView:
     return DesignView(
         label="", x=x, parts={"cup": skin(cup), "plate": skin(plate), "hopper": skin(hopper),
                               "tube": skin([ring(*tube, h) for h in (-0.26, -0.56)])},
-        motion_times=times, cup_positions=position, cup_velocities=np.gradient(position, times),
+        moving=frozenset({"cup"}), mover="cup", backdrop=frozenset({"plate"}),
+        clock="the start of the cycle", counted_at="the tube's end",
+        bound_note="With this motion no hopper can fill faster: the physical lower bound.",
+        motion_times=times, motion_positions=position,
+        motion_velocities=np.gradient(position, times),
         motion_points={"P1": (PERIOD * x[8], STROKE * x[9]),
                        "P2": (PERIOD * x[10], STROKE * x[11])},
         notes=("The smallest wall angle to the vertical is 3.1°.", "The sheet is not developable."),
-        bound_s=0.262, bound_any_s=0.187,
+        bound=0.262, bound_any=0.187,
         grain_offsets=np.column_stack((np.linspace(-5.5, 5.5, 5) * MM, np.zeros(5), np.zeros(5))),
         grain_radii=np.full(5, 2.2 * MM),
     )  # fmt: skip

@@ -166,8 +166,8 @@ def nasty_view(seed: int) -> Describe:
     times = np.linspace(0.0, 0.6, 4)
     view = DesignView(
         label="", x=np.zeros(1), parts={"hopper": (corners, np.array([[0, 1, 2], [1, 2, 3]]))},
-        motion_times=times, cup_positions=times, cup_velocities=np.ones(4),
-        motion_points={"P1": (0.1, 0.1)}, notes=("Steep.",), bound_s=its.number(),
-        bound_any_s=its.number(), grain_offsets=np.zeros((1, 3)), grain_radii=np.full(1, 0.002),
+        motion_times=times, motion_positions=times, motion_velocities=np.ones(4),
+        motion_points={"P1": (0.1, 0.1)}, notes=("Steep.",), bound=its.number(),
+        bound_any=its.number(), grain_offsets=np.zeros((1, 3)), grain_radii=np.full(1, 0.002),
     )  # fmt: skip
     return (lambda x: view) if its.often(0.6) else no_view

@@ -73,7 +73,7 @@ def test_motion_and_passages_carry_units(machine: Callable[[Array], DesignView])
     motion = charts.motion(view, None)
     for text in ("cup position [mm]", "cup velocity [m/s]", "[ms]", "P1", "P2"):
         assert text in motion
-    passages = charts.passages([np.linspace(0.2, 0.5, 50)], [])
+    passages = charts.passages([np.linspace(0.2, 0.5, 50)], [], "the start of the run")
     for text in ("grains passed [%]", "rate [grains/s]", "best (1 run)"):
         assert text in passages
     assert "baseline" not in passages

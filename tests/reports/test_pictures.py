@@ -93,10 +93,10 @@ def test_the_cup_is_drawn_where_its_motion_has_taken_it(
     only_cup = dataclasses.replace(
         view,
         parts={"cup": view.parts["cup"]},
-        cup_positions=view.cup_positions - 0.2,  # counted from the hole, as the command line does
+        motion_positions=view.motion_positions - 0.2,  # counted from the hole
     )
     start = view.parts["cup"][0][:, 0].mean()
     for i in (0, 40, 120):
-        time, place = view.motion_times[i], view.cup_positions[i] - view.cup_positions[0]
+        time, place = view.motion_times[i], view.motion_positions[i] - view.motion_positions[0]
         middle = wall_lines(only_cup, time)[:, :, 0].mean()
         assert middle == pytest.approx(start + place, abs=1e-9)

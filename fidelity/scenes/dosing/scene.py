@@ -31,12 +31,21 @@ from geometry.mesh import Mesh
 from mfopt.arrays import AnyArray, Array
 from mfopt.records.objective import Criteria
 from mfopt.records.problem import Problem
-from mfopt.records.view import DesignView
+from mfopt.records.view import Colour, DesignView
 from mfopt.settings import checked
 
 # Spheres times steps moved, per all spheres times the steps of the cycle: a run ends after the
 # cycle, and grains that have left cost nothing. 1.0 to 1.25 for designs that empty the cup.
 WORK_SHARE = 1.1
+
+# Okabe and Ito's colour-blind-safe palette (2008).
+COLOURS: Mapping[str, Colour] = {
+    "hopper": (0.337, 0.706, 0.914),
+    "cup": (0.902, 0.624, 0.0),
+    "tube": (0.75, 0.75, 0.75),
+    "plate": (0.85, 0.85, 0.85),
+}
+TRANSLUCENT: Mapping[str, float] = {"plate": 0.5, "cup": 0.75}  # they would hide the hopper
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,22 +123,31 @@ class Dosing:
         grain = None if dem is None else dosing_grain(self.settings, dem)
         no_grain = np.empty((0, 3))
         law = machine.motion
+        bound = _finite(filling_time_bound(machine))
+        bound_any = _finite(smallest_filling_time_bound(self.settings))
         points = {"P1": (law.x1, law.y1), "P2": (law.x2, law.y2)}
         return DesignView(
             label="",
             x=x,
             parts={name: (m.vertices, m.triangles) for name, m in self.meshes(x).items()},
+            colours=COLOURS,
+            translucent=TRANSLUCENT,
+            backdrop=frozenset({"plate"}),
             moving=frozenset({"cup"}),
+            mover="cup",
             motion_times=motion.times,
-            cup_positions=motion.positions,
-            cup_velocities=motion.velocities,
+            motion_positions=motion.positions,
+            motion_velocities=motion.velocities,
             motion_points={
                 name: (t * machine.cycle, machine.stroke * (y - 0.5))
                 for name, (t, y) in points.items()
             },
             notes=tuple(manufacturability(machine.loft).sentences()),
-            bound_s=_finite(filling_time_bound(machine)),
-            bound_any_s=_finite(smallest_filling_time_bound(self.settings)),
+            bound=bound,
+            bound_any=bound_any,
+            bound_note=_bound_note(bound, bound_any),
+            counted_at="the tube's end",
+            clock="the start of the cycle",
             grain_offsets=no_grain if grain is None else grain.offsets,
             grain_radii=no_grain[:, 0] if grain is None else grain.radii,
         )
@@ -145,6 +163,16 @@ class Dosing:
         machine = design(self.settings, x)
         write_step(directory / "hopper.step", machine.loft, machine.tube_end_z)
         return "hopper.step"
+
+
+def _bound_note(bound_s: float | None, bound_any_s: float | None) -> str:
+    """What the physical lower bounds of the filling time say."""
+    if bound_s is None:
+        return ""
+    text = f"With this motion no hopper can fill faster than {1e3 * bound_s:.0f} ms"
+    if bound_any_s is not None:
+        text += f", and with any motion none faster than {1e3 * bound_any_s:.0f} ms"
+    return f"{text}: the physical lower bound."
 
 
 def _finite(value: float) -> float | None:

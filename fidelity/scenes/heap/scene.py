@@ -115,6 +115,11 @@ def _angle(raw: Raw) -> float:
     return float(raw["angle"])
 
 
+def _radius(raw: Raw) -> float:
+    """Radius of the heap [m]."""
+    return float(raw["radius"])
+
+
 def _angle_error(wanted: float, raw: Raw) -> dict[str, float]:
     """Distance of the angle of repose from the wanted one [rad]."""
     return {"angle error": abs(_angle(raw) - wanted)}
@@ -155,8 +160,10 @@ class Heap:
         return Criteria(
             {"angle_error": error},
             (
-                Quantity("angle of repose", "rad", _angle, (180.0 / math.pi, "°")),
-                Quantity("radius of the heap", "m", lambda raw: float(raw["radius"]), (1e3, "mm")),
+                Quantity(
+                    "angle of repose", "rad", _angle, (180.0 / math.pi, "°"), lower_is_better=False
+                ),
+                Quantity("radius of the heap", "m", _radius, (1e3, "mm"), lower_is_better=False),
             ),
             "angle of repose",
             self.wanted.model_dump(mode="json"),

@@ -101,7 +101,9 @@ class Silo:
             {"floor_load": Objective("floor_load", lambda raw: {"floor": _floor_share(raw)})},
             (
                 Quantity("weight on the floor", "-", _floor_share, (1e2, "%")),
-                Quantity("weight on the walls", "-", _wall_share, (1e2, "%")),
+                Quantity(
+                    "weight on the walls", "-", _wall_share, (1e2, "%"), lower_is_better=False
+                ),
             ),
             "weight on the walls",
         )
