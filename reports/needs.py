@@ -111,7 +111,7 @@ def needs(
             q.limit,
             q.lower_is_better,
             _spreads(runs, q.name, q.limit),
-        )  # fmt: skip
+        )
         for q in quantities
     ]
     return tuple(need for need in made if "best" in need.spreads)
