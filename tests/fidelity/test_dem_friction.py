@@ -1,6 +1,7 @@
 """Sliding, sticking and rolling of the compiled engine against closed forms."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -170,6 +171,30 @@ def test_rolling_friction_holds_a_sphere_up_to_its_angle(part: float, stays: boo
         arm, inertia = rolling_inertia(setup, slope)
         pull = G * (math.sin(slope) - rolling * R / arm * math.cos(slope)) / (1 + inertia)
         assert far == pytest.approx(pull * whole**2 / 2, rel=0.1)
+
+
+@pytest.mark.parametrize("spring", [1e-4, 1e-3])
+def test_a_soft_rolling_spring_rocks_a_sphere_with_its_frequency(spring: float) -> None:
+    # (I + m arm^2) phi'' = -spring kt R^2 phi, as long as the moment is below its limit.
+    speed, stiffness = 1e-3, spring * RATIO * wall_stiffness() * R**2
+    setup = on_slope(
+        spheres_in_line(1), 0.0, duration=0.4, rolling=0.1, speed=speed, spin=speed / R
+    )
+    arm, inertia = rolling_inertia(setup, 0.0)
+    half_period = math.pi * math.sqrt((1 + inertia) * setup.grain.mass * arm**2 / stiffness)
+    setup = replace(
+        setup,
+        physics=replace(setup.physics, rolling_stiffness=spring),
+        duration=1.1 * half_period,
+        snapshot_times=np.linspace(0.9, 1.1, 41) * half_period,
+    )
+    movement = moved(setup)
+    times, x = (
+        movement.snapshots["snapshot_times"],
+        movement.snapshots["snapshot_positions"][:, 0, 0],
+    )
+    assert x[0] > 0.0 > x[-1]
+    assert np.interp(0.0, x[::-1], times[::-1]) == pytest.approx(half_period, rel=0.01)
 
 
 def test_a_trace_of_rolling_friction_changes_next_to_nothing() -> None:
