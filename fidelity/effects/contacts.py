@@ -43,24 +43,24 @@ def _bounce(setup: Setup, values: Values) -> Setup:
 
 
 def _roughen(setup: Setup, values: Values) -> Setup:
+    """The side is a wall of its own after all others, unless a wall lies in it as a whole."""
     front = min(float(wall.vertices[:, 1].min()) for wall in setup.walls)
-    walls: list[Wall] = []
-    for wall in setup.walls:
-        on_front = _at(wall, front)
-        parts = [(wall.name, ~on_front, wall.friction_angle)]
-        if on_front.any():
-            parts.append((f"{wall.name} front", on_front, _rougher(setup, wall, values["excess"])))
-        walls += [
-            replace(wall, name=name, triangles=wall.triangles[mine], friction_angle=angle)
-            for name, mine, angle in parts
-            if mine.any()
-        ]
-    if len(walls) == len(setup.walls) and not any(_at(w, front).all() for w in setup.walls):
+    if not any(_at(wall, front).any() for wall in setup.walls):
         raise ConfigError(
             f"side_wall_friction: no wall is flat at the smallest y = {front:g} m; "
             "use a vessel with a flat side there"
         )
-    return replace(setup, walls=tuple(walls))
+    walls, sides = [], []
+    for wall in setup.walls:
+        there = _at(wall, front)
+        rough = replace(wall, friction_angle=_rougher(setup, wall, values["excess"]))
+        if there.any() and not there.all():
+            triangles, name = wall.triangles, f"{wall.name} front"
+            walls.append(replace(wall, triangles=triangles[~there]))
+            sides.append(replace(rough, name=name, triangles=triangles[there]))
+        else:
+            walls.append(rough if there.all() else wall)
+    return replace(setup, walls=(*walls, *sides))
 
 
 def _at(wall: Wall, y: float) -> BoolArray:

@@ -138,6 +138,9 @@ def test_too_few_grains_have_no_rate() -> None:
 
 def test_the_mass_counts_a_grain_from_its_time_on() -> None:
     told = Discharge(np.array([0.1, 0.2, 0.2, 0.4]), 0.5, 0, 0)
+    sized = replace(told, scales=np.array([1.0, 2.0, 1.0, 0.5]))
+    expected = 0.5 * np.array([0.0, 1.0, 10.0, 10.125])
+    assert sized.mass(np.array([0.0, 0.1, 0.3, 0.4])) == pytest.approx(expected)
     np.testing.assert_allclose(told.mass(np.array([0.0, 0.1, 0.3, 9.0])), [0.0, 0.5, 1.5, 2.0])
 
 
@@ -150,6 +153,8 @@ def test_every_grain_is_counted_once() -> None:
     movement = movement_to(positions, exit_times=np.array([0.4, 0.3, np.nan, 0.1]))
     told = discharge_result(SLOT, portion, movement)
     np.testing.assert_array_equal(told.times, [0.3, 0.4])
+    sized = discharge_result(SLOT, portion, movement, np.array([1.0, 2.0, 3.0, 4.0]))
+    np.testing.assert_array_equal(sized.scales, [2.0, 1.0])
     assert (told.left, told.lost) == (1, 1)
 
 

@@ -299,6 +299,17 @@ def test_one_side_gets_a_friction_of_its_own_and_the_others_keep_theirs() -> Non
     assert (front.vertices[front.triangles][..., 1] == -RIG.depth / 2).all()
     assert front.friction_angle == pytest.approx(math.atan(0.3 + 0.5))
     assert rest.friction_angle is None
+    # Once more, as a wall that lies there as a whole; the places of all walls stay.
+    twice = switched_on(rough, "side_wall_friction", {"excess": 0.2})
+    assert [wall.name for wall in twice.walls] == ["hopper", "hopper front"]
+    assert wall_named(twice, "hopper front").friction_angle == pytest.approx(math.atan(1.0))
+
+
+def test_a_vessel_without_a_flat_front_cannot_have_a_rougher_one() -> None:
+    setup = discharge_setup(RIG, PORTION, packed(None, 0))
+    floor = plane("floor", 0.1, 0.1, 0.0, WALLS)
+    with pytest.raises(ConfigError, match=r"no wall is flat at the smallest y = -0\.05 m"):
+        switched_on(replace(setup, walls=(floor,)), "side_wall_friction", {"excess": 0.2})
 
 
 @pytest.mark.parametrize(

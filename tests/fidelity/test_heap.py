@@ -67,6 +67,8 @@ def test_a_heap_twice_as_large_has_the_same_angle() -> None:
     large = heap_result(doubled.grain, movement_to(2 * positions))
     assert large.angle == pytest.approx(small.angle, rel=1e-9)
     np.testing.assert_allclose(large.heights, 2 * small.heights, rtol=1e-9, atol=1e-12)
+    sized = heap_result(FINE.grain, movement_to(2 * positions), np.full(len(positions), 2.0))
+    np.testing.assert_allclose(sized.heights, large.heights, rtol=1e-9, atol=1e-12)
 
 
 def test_only_the_flank_counts() -> None:

@@ -65,6 +65,7 @@ class Discharge:
     grain_mass: float  # [kg]
     left: int  # grains still in the hopper, or between outlet and counter
     lost: int  # grains that got out, but not through the outlet
+    scales: Array | None = None  # (n_passed,) sizes of the grains that passed; None: all are 1
 
     @property
     def mass_flow_rate(self) -> float:
@@ -76,11 +77,18 @@ class Discharge:
         number = np.arange(math.ceil(STEADY_FROM * n), math.floor(STEADY_TO * n))
         if len(number) < FEWEST_STEADY:
             return math.nan
-        return self.grain_mass * float(np.polyfit(self.times[number], number, 1)[0])
+        return self.grain_mass * float(np.polyfit(self.times[number], self._grains[number], 1)[0])
 
     def mass(self, times: Array) -> Array:
         """Mass that has passed until `times` (m,) [kg]."""
-        return self.grain_mass * np.searchsorted(self.times, times, side="right").astype(float)
+        return self.grain_mass * self._grains[np.searchsorted(self.times, times, side="right")]
+
+    @property
+    def _grains(self) -> Array:
+        """Mass (n_passed + 1,) that had passed after so many grains [grains of scale 1]."""
+        if self.scales is None:
+            return np.arange(len(self.times) + 1, dtype=np.float64)
+        return np.concatenate([[0.0], np.cumsum(self.scales**3)])
 
 
 def check_discharge(settings: DischargeSettings) -> None:
@@ -187,16 +195,22 @@ def hopper_mesh(settings: DischargeSettings, top: float) -> Mesh:
 
 
 def discharge_result(
-    settings: DischargeSettings, portion: Portion, movement: Movement
+    settings: DischargeSettings,
+    portion: Portion,
+    movement: Movement,
+    scales: Array | None = None,
 ) -> Discharge:
-    """Tell from the movement what left the hopper, and when."""
+    """Tell from the movement what left the hopper, and when; `scales` (n,) are the sizes."""
     passed = np.isfinite(movement.exit_times)
     reach = settings.fall * math.tan(WIDEST_FALL_ANGLE) + portion.grain_length / 2
     limit = np.array(settings.outlet) / 2 + reach
     through = np.all(np.abs(movement.positions[:, :2]) <= limit, axis=1)
+    order = np.argsort(movement.exit_times, kind="stable")
+    order = order[(passed & through)[order]]
     return Discharge(
-        times=frozen(np.sort(movement.exit_times[passed & through])),
+        times=frozen(movement.exit_times[order]),
         grain_mass=portion.grain.mass,
         left=int((~passed).sum()),
         lost=int((passed & ~through).sum()),
+        scales=None if scales is None else frozen(scales[order]),
     )

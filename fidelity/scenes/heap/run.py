@@ -26,7 +26,7 @@ from fidelity.grains.filling import (
     strip,
     top_of,
 )
-from fidelity.grains.portion import sphere_centres
+from fidelity.grains.portion import sphere_centres, sphere_radii
 from geometry.mesh import Mesh
 from geometry.sections import Section
 from mfopt.arrays import Array, frozen
@@ -141,21 +141,22 @@ def cylinder_mesh(settings: HeapSettings, top: float) -> Mesh:
     return Mesh(np.vstack(rings), triangles)
 
 
-def heap_result(grain: Grain, movement: Movement) -> Heap:
-    """Tell from the movement what the heap looks like."""
+def heap_result(grain: Grain, movement: Movement, scales: Array | None = None) -> Heap:
+    """Tell from the movement what the heap looks like; `scales` (n,) are the grains' sizes."""
     there = np.isnan(movement.exit_times)
     fallen = int((~there).sum())
     if not there.any():
         return Heap(math.nan, 0.0, frozen([]), frozen([]), 0.0, fallen)
-    packing = Packing(movement.positions[there], movement.orientations[there])
+    left = None if scales is None else scales[there]
+    packing = Packing(movement.positions[there], movement.orientations[there], left)
     axis = np.median(packing.positions[:, :2], axis=0)
     away = np.linalg.norm(packing.positions[:, :2] - axis, axis=1)
     radius = 2.0 * float(np.median(away))
     radii = radius * np.arange(0.0, PROFILE_TO + PROFILE_STEP / 2, PROFILE_STEP)
     centres = sphere_centres(grain, packing)
     spheres = centres.reshape(-1, 3) - [*axis, 0.0]
-    sphere_radii = np.tile(grain.radii, len(centres))
-    heights = np.array([surface_height(spheres, sphere_radii, float(r)) for r in radii])
+    tall = sphere_radii(grain, packing).ravel()
+    heights = np.array([surface_height(spheres, tall, float(r)) for r in radii])
     return Heap(
         angle=cone_angle(radii, heights, radius),
         radius=radius,
