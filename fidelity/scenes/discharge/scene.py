@@ -127,7 +127,7 @@ class Discharge:
     ) -> tuple[dict[str, AnyArray], str | None]:
         """When grains passed, and the quantities over time."""
         its, portion = built(self.settings, x), self.portion(x, dem)
-        told = discharge_result(its, portion, movement)
+        told = discharge_result(its, portion, movement, setup.packing.scales)
         assert setup.samples is not None
         assert setup.samples.columns is not None
         levels = movement.series["levels"]

@@ -197,7 +197,7 @@ class Heap:
         self, x: Array, dem: DemSettings, setup: Setup, movement: Movement, seed: int
     ) -> tuple[dict[str, AnyArray], str | None]:
         """The heap at the end."""
-        told = heap_result(setup.grain, movement)
+        told = heap_result(setup.grain, movement, setup.packing.scales)
         values = {
             "angle": told.angle, "radius": told.radius, "radii": told.radii,
             "heights": told.heights, "mean_height": told.mean_height, "fallen": told.fallen,
