@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from mfopt.search.cmaes import CmaEs as CmaEs
     from mfopt.search.search import Rung as Rung
     from mfopt.search.search import Stage as Stage
+    from mfopt.study.load_scene import load_scene as load_scene
     from mfopt.study.minimize import minimize as minimize
     from mfopt.study.minimum import Minimum as Minimum
 
@@ -27,6 +28,7 @@ _HOME = {
     "MfoptError": "mfopt.errors",
     "FunctionLevel": "fidelity.programs.function",
     "Minimum": "mfopt.study.minimum",
+    "load_scene": "mfopt.study.load_scene",
     "minimize": "mfopt.study.minimize",
     "Problem": "mfopt.records.problem",
     "Variable": "mfopt.records.problem",

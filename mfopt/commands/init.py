@@ -9,8 +9,7 @@ import typer
 
 from mfopt.commands.shared import screen
 from mfopt.errors import ConfigError
-from mfopt.settings import nearest
-from mfopt.study.assemble import SCENES
+from mfopt.study.assemble import scene_class
 
 DEFAULT = "dosing"
 
@@ -35,6 +34,4 @@ def template(scene: str) -> Path:
     Raises:
         ConfigError: if there is no such scene.
     """
-    if scene not in SCENES:
-        raise ConfigError(f"there is no scene {scene!r}{nearest(scene, SCENES)}")
-    return Path(inspect.getfile(SCENES[scene])).with_name("template.toml")
+    return Path(inspect.getfile(scene_class(scene))).with_name("template.toml")

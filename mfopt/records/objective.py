@@ -41,12 +41,23 @@ class Quantity:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Series:
+    """A quantity over time of a finished run."""
+
+    name: str
+    unit: str  # SI; "-" for a share
+    read: Callable[[Raw], tuple[Array, Array]]  # times (s,) [s] and values (s,)
+    shown: tuple[float, str]  # factor and unit in figures
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Criteria:
-    """How the runs of a problem are judged."""
+    """How the runs of a problem are judged, and what is read off them."""
 
     objectives: Mapping[str, Objective]
     quantities: tuple[Quantity, ...] = ()  # each stands for itself in tables
     beside: str | None = None  # name of the quantity that pages show beside the objective
+    series: tuple[Series, ...] = ()
     settings: Mapping[str, Any] = field(default_factory=dict)  # what the study chose, for JSON
 
     def objective(self, name: str) -> Objective:

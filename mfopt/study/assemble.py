@@ -175,11 +175,10 @@ def scene_of(settings: ProblemSettings, where: str) -> Scene | None:
     if settings.scene is None:
         _refuse_others(settings, where)
         return None
-    if settings.scene not in SCENES:
-        raise ConfigError(
-            f"{where}: problem.scene = {settings.scene!r} must be one of {_listed(tuple(SCENES))}"
-        )
-    kind = SCENES[settings.scene]
+    try:
+        kind = scene_class(settings.scene)
+    except ConfigError as error:
+        raise ConfigError(f"{where}: problem.scene: {error}") from error
     if settings.variable:
         raise ConfigError(
             f"{where}: a scene brings its own variables; free them in [problem.{kind.name}.free] "
@@ -190,6 +189,17 @@ def scene_of(settings: ProblemSettings, where: str) -> Scene | None:
     if not isinstance(own, Mapping):
         raise ConfigError(f"{where}: problem.{kind.name} = {own!r} must be a table")
     return kind.read(own, wanted, where)
+
+
+def scene_class(name: str) -> type[Scene]:
+    """The scene of that name.
+
+    Raises:
+        ConfigError: if there is none.
+    """
+    if name not in SCENES:
+        raise ConfigError(f"there is no scene {name!r}{nearest(name, SCENES)}")
+    return SCENES[name]
 
 
 def _refuse_others(settings: ProblemSettings, where: str) -> None:
@@ -291,7 +301,7 @@ def _scene_level(
 ) -> tuple[SceneLevel, Mapping[str, Any]]:
     names = settings.engine if isinstance(settings.engine, list) else [settings.engine]
     try:
-        engine = _first_installed([_engine(name, settings.precision) for name in names])
+        engine = _first_installed([engine_named(name, settings.precision) for name in names])
     except ConfigError as error:
         raise ConfigError(f"{where}: {error}") from error
     numerics = {name: getattr(settings, name) for name in DemSettings.model_fields}
@@ -348,14 +358,15 @@ def _on_grains(top: Level, names: Sequence[str], where: str) -> SceneLevel:
 def _dem_engine(name: str, precision: Precision, where: str) -> Engine:
     if name not in DEM_NAMES:
         raise ConfigError(f"{where} = {name!r} must be one of {_listed(DEM_NAMES)}")
-    return _engine(cast(DemName, name), precision)
+    return engine_named(cast(DemName, name), precision)
 
 
 def _listed(names: Sequence[str]) -> str:
     return ", ".join(map(repr, names))
 
 
-def _engine(name: DemName, precision: Precision) -> Engine:
+def engine_named(name: DemName, precision: Precision = "double") -> Engine:
+    """The engine of that name."""
     match name:
         case "numba":
             return NumbaEngine()

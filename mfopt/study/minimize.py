@@ -38,22 +38,20 @@ from mfopt.search.search import (
     rungs,
     window,
 )
-from mfopt.search.surrogate import Surrogate
 from mfopt.study.minimum import Minimum, minimum
 
 log = logging.getLogger(__name__)
 
-GENERATIONS = 30  # per level of a plan that names none
+RUNS_PER_VARIABLE = 10  # of a budget that is left out
 
 
 def minimize(
     levels: Mapping[str, Simulator] | Sequence[Level],
     bounds: Mapping[str, tuple[float, float]],
     *,
-    generations: Mapping[str, int] | int | None = None,
-    surrogate: Surrogate | None = None,
-    budget: float | None = None,
     costs: Mapping[str, float] | None = None,
+    budget: float | None = None,
+    generations: Mapping[str, int] | int | None = None,
     start: ArrayLike | None = None,
     population_size: int | None = None,
     sigma: float = 0.2,
@@ -66,9 +64,9 @@ def minimize(
 ) -> Minimum:
     """Minimise over a ladder of simulators, coarse to fine.
 
-    With a surrogate, such as `surrogates.autoregressive.AutoregressiveGp()`, and a budget it runs
-    only what the surrogate cannot predict, and changes the level by itself; without, it is
-    CMA-ES with planned generations per level.
+    A surrogate learns from the runs at all levels. Only designs that it cannot predict well enough
+    are run, and the level changes by itself. With `generations` it is CMA-ES with planned
+    generations per level instead.
 
     Every level is run once at the start before anything else. The search learns from these runs,
     and they count in its budget.
@@ -76,17 +74,16 @@ def minimize(
     Args:
         levels: functions by name, `function(x, seed) -> float`, or `Level`s; cheapest first.
         bounds: lower and upper bound of each variable by name.
-        generations: per level, or the same for each; 30 if left out. Without a surrogate.
-        surrogate: learns from the runs at all levels.
-        budget: what the search may spend, in runs of the last level. With a surrogate.
         costs: of one run by level, in any unit; for functions, and 1 for each if left out. A cost
             below 1/512 of the last level's counts as 1/512.
+        budget: what the search may spend, in runs of the last level; 10 (d + 2) if left out.
+        generations: of planned CMA-ES: per level, or the same for each.
         start: first design (d,); the middle of the bounds if left out.
         population_size: candidates per generation; 4 + 3 ln d if left out.
         sigma: first step size as a share of the bounds' width.
         seeds: for noisy simulators: generations rotate over so many seeds.
         reevaluate: runs candidates again whose ranking is in doubt, "ranks" or "elite" (see
-            `mfopt.Stage`). Without a surrogate.
+            `mfopt.Stage`). Of planned CMA-ES.
         constraint: returns why a design is impossible, or None; such a design is never run.
         seed: of the search.
         workers: processes; with 1 the functions run here and need not be picklable.
@@ -105,16 +102,20 @@ def minimize(
     ladder = Ladder(_as_levels(levels, costs))
     problem = _problem(bounds, start, constraint)
     costs_of_runs = rungs(ladder, problem.baseline)
-    _check_way(surrogate, budget, generations, reevaluate)
+    _check_way(budget, generations, reevaluate)
     plan: list[Stage] = []
-    if surrogate is None:
+    if generations is not None:
         plan = _plan(problem, ladder, generations, population_size, sigma, seeds, reevaluate)
+    elif budget is None:
+        budget = RUNS_PER_VARIABLE * (problem.dimension + 2)
 
     def search_within(budgets: Sequence[Any]) -> Search:
-        if surrogate is None:
+        if plan:
             return CmaEs(problem, plan, seed=seed)
+        from surrogates.autoregressive import AutoregressiveGp  # loads PyTorch
+
         return AssistedCmaEs(
-            problem, costs_of_runs, surrogate, budget=budgets, seed=seed, sigma=sigma,
+            problem, costs_of_runs, AutoregressiveGp(), budget=budgets, seed=seed, sigma=sigma,
             population_size=population_size, seeds=seeds,
         )  # fmt: skip
 
@@ -124,7 +125,7 @@ def minimize(
         "sigma": float(sigma), "seeds": int(seeds),
         "budget": None if budget is None else float(budget),
         "generations": {stage.level: int(stage.generations) for stage in plan},
-        "reevaluate": reevaluate, "surrogate": surrogate and type(surrogate).__name__,
+        "reevaluate": reevaluate,
     }  # fmt: skip
     runner = Runner(local_processes(workers) if workers > 1 else one_thread)
     if workers > 1:
@@ -134,7 +135,7 @@ def minimize(
         with writing(path):
             run = begin(path, "", header(
                 problem, ladder, name=path.name, seed=int(seed), objective="returned",
-                method="cma-es" if surrogate is None else "assisted", workers=workers,
+                method="cma-es" if plan else "assisted", workers=workers,
                 settings={"search": settings},
             ), resume=True)  # fmt: skip
             if run.made:
@@ -184,26 +185,19 @@ def _once(problem: Problem, evaluations: Iterable[Evaluation]) -> tuple[Evaluati
 
 
 def _check_way(
-    surrogate: Surrogate | None,
-    budget: float | None,
-    generations: Mapping[str, int] | int | None,
-    reevaluate: Reevaluate,
+    budget: float | None, generations: Mapping[str, int] | int | None, reevaluate: Reevaluate
 ) -> None:
     """Make sure that what is given belongs to one way of searching."""
-    if surrogate is None:
-        if budget is not None:
+    if generations is None:
+        if reevaluate != "none":
             raise ConfigError(
-                f"budget = {shown(budget)} needs a surrogate; give one, or generations in its place"
+                f"reevaluate = {shown(reevaluate)} is of planned CMA-ES; give generations, or "
+                "leave reevaluate out"
             )
-        return
-    if reevaluate != "none":
+    elif budget is not None:
         raise ConfigError(
-            f"reevaluate = {shown(reevaluate)} is for the search without a surrogate; leave one out"
-        )
-    if budget is None or generations is not None:
-        raise ConfigError(
-            "a surrogate needs a budget, in runs of the last level, and no generations: it "
-            "changes the level by itself"
+            f"budget = {shown(budget)} and generations = {shown(generations)} exclude each other: "
+            "generations plan CMA-ES, a budget is of the search with a surrogate; give one of them"
         )
 
 
@@ -249,7 +243,7 @@ def _path(directory: Path | str) -> Path:
 def _plan(
     problem: Problem,
     ladder: Ladder,
-    generations: Mapping[str, int] | int | None,
+    generations: Mapping[str, int] | int,
     population_size: int | None,
     sigma: float,
     seeds: int,
@@ -258,8 +252,11 @@ def _plan(
     """The stages of the planned search."""
     if population_size is None:
         population_size = default_population_size(problem.dimension)
-    same = GENERATIONS if generations is None else generations
-    plan = same if isinstance(same, Mapping) else dict.fromkeys(ladder.names, same)
+    plan = (
+        generations
+        if isinstance(generations, Mapping)
+        else dict.fromkeys(ladder.names, generations)
+    )
     if not plan:
         raise ConfigError("generations = {} plans nothing; give a number for at least one level")
     return [

@@ -4,6 +4,7 @@ import textwrap
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,6 +13,9 @@ from mfopt.errors import MfoptError
 from mfopt.records.evaluation import Evaluation
 from mfopt.records.problem import Problem
 from mfopt.search.search import Search
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 WIDTH = 100  # characters of a line
 LONGEST_REASON = 500  # characters that an error says of why runs failed
@@ -41,6 +45,22 @@ class Minimum:
             f"ended because {self.why}",
         ]
         return "\n".join(textwrap.fill(line, WIDTH, subsequent_indent="    ") for line in lines)
+
+    def frame(self) -> "DataFrame":
+        """Every run as a pandas frame: one row a run."""
+        from pandas import DataFrame
+
+        rows = [
+            {
+                **dict(zip(self.names, map(float, e.candidate.x), strict=True)),
+                "level": e.candidate.level,
+                "seed": e.candidate.seed,
+                "f": e.objective,
+                "status": e.outcome.status,
+            }
+            for e in self.evaluations
+        ]
+        return DataFrame(rows)
 
     def _named(self, x: Array) -> str:
         return ", ".join(f"{name} = {v:.6g}" for name, v in zip(self.names, x, strict=True))

@@ -28,7 +28,10 @@ def mfopt(*arguments: str | Path) -> str:
     return done.stdout
 
 
-def test_python_of_the_readme(capsys: pytest.CaptureFixture[str]) -> None:
+def test_python_of_the_readme(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}
     printed = 0
     for block in re.findall(r"```python\n(.*?)```", README, re.DOTALL):
@@ -39,6 +42,7 @@ def test_python_of_the_readme(capsys: pytest.CaptureFixture[str]) -> None:
             assert numbers[:2] == pytest.approx([0.3, -1.0], abs=0.03)
             printed += 1
     assert printed == 2
+    assert (tmp_path / "hopper.png").stat().st_size > 10_000
 
 
 def test_toml_of_the_readme_is_a_valid_level() -> None:

@@ -8,7 +8,6 @@ from typer.testing import CliRunner
 import mfopt
 from mfopt.arrays import Array
 from mfopt.commands.app import app
-from surrogates.autoregressive import AutoregressiveGp
 
 
 def shifted_sphere(x: Array, seed: int) -> float:
@@ -45,14 +44,18 @@ def test_a_kept_directory_is_not_run_again(tmp_path: Path) -> None:
 
 
 def test_a_kept_directory_has_a_report(tmp_path: Path) -> None:
-    mfopt.minimize(
-        {"f": shifted_sphere}, BOUNDS, surrogate=AutoregressiveGp(), budget=25, directory=tmp_path
-    )
+    mfopt.minimize({"f": shifted_sphere}, BOUNDS, budget=25, directory=tmp_path)
     done = CliRunner().invoke(app, ["report", str(tmp_path)])
     assert done.exit_code == 0, done.output
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert "So the best run there was chosen" in " ".join(text.split())
+    assert "So the design of the best run was chosen" in " ".join(text.split())
     assert "None" not in text
+
+
+def test_a_budget_that_is_left_out_follows_from_the_variables() -> None:
+    best = mfopt.minimize({"f": shifted_sphere}, BOUNDS)
+    assert len(best.evaluations) <= 10 * (2 + 2)
+    assert best.f < 1e-3
 
 
 def test_doubtful_candidates_run_again_within_the_plan() -> None:
@@ -149,8 +152,10 @@ def test_an_array_of_one_number_is_a_value() -> None:
         ({"levels": [shifted_sphere]}, "is no Level: it needs a name"),
         ({"levels": {"f": 3}}, "level 'f' = 3 cannot be called"),
         ({"costs": [1]}, r"costs = \[1\] must give a number by level"),
-        ({"surrogate": AutoregressiveGp, "budget": 9}, "AutoregressiveGp is a class; make one"),
-        ({"reevaluate": "all"}, "reevaluate = 'all' is none of none, ranks, elite"),
+        (
+            {"reevaluate": "all", "generations": 3},
+            "reevaluate = 'all' is none of none, ranks, elite",
+        ),
     ],
 )
 def test_wrong_arguments_are_named(change: dict[str, object], words: str) -> None:
@@ -161,12 +166,12 @@ def test_wrong_arguments_are_named(change: dict[str, object], words: str) -> Non
 
 LADDER = {"coarse": lambda x, seed: shifted_sphere(x + 0.05, seed), "fine": shifted_sphere}
 ASSISTED: dict[str, object] = {
-    "levels": LADDER, "bounds": BOUNDS, "surrogate": AutoregressiveGp(), "budget": 12,
+    "levels": LADDER, "bounds": BOUNDS, "budget": 12,
     "costs": {"coarse": 1, "fine": 20},
 }  # fmt: skip
 
 
-def test_with_a_surrogate_it_keeps_to_its_budget_and_corrects_the_coarse_level() -> None:
+def test_it_keeps_to_its_budget_and_corrects_the_coarse_level() -> None:
     best = mfopt.minimize(**ASSISTED)  # type: ignore[arg-type]
     assert best.f < shifted_sphere(np.array([0.25, -1.05]), 0)  # the minimiser of the coarse one
     assert best.level == "fine"
@@ -179,15 +184,13 @@ def test_with_a_surrogate_it_keeps_to_its_budget_and_corrects_the_coarse_level()
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"budget": None}, "a surrogate needs a budget"),
         ({"budget": float("nan")}, "budget = nan must be a finite number"),
         ({"budget": "10"}, "budget = '10' must be a number"),
         ({"sigma": 0}, "sigma = 0 must be at least"),
         ({"costs": {"coarse": 20, "fine": 1}}, "a run at level 'coarse' costs 20, more than one"),
         ({"budget": 0.5}, "budget = 0.5 is below the cost of one run at 'fine'"),
-        ({"generations": 3}, "and no generations"),
-        ({"reevaluate": "ranks"}, "reevaluate = 'ranks' is for the search without a surrogate"),
-        ({"surrogate": None}, "budget = 12 needs a surrogate"),
+        ({"generations": 3}, "budget = 12 and generations = 3 exclude each other"),
+        ({"reevaluate": "ranks"}, "reevaluate = 'ranks' is of planned CMA-ES; give generations"),
         ({"costs": {"coarse": 1}}, "costs are given for coarse, the levels are coarse, fine"),
         ({"costs": {"coarse": 0, "fine": 1}}, "costs: coarse = 0 must be at least 1e-12"),
         ({"levels": [mfopt.FunctionLevel("fine", shifted_sphere)]}, "costs are for functions"),
@@ -212,9 +215,7 @@ def noisy(x: Array, seed: int) -> float:
 
 
 def test_under_noise_the_value_is_an_estimate_with_its_interval() -> None:
-    best = mfopt.minimize(
-        {"f": noisy}, BOUNDS, surrogate=AutoregressiveGp(), budget=40, seeds=2, seed=3
-    )
+    best = mfopt.minimize({"f": noisy}, BOUNDS, budget=40, seeds=2, seed=3)
     assert best.interval is not None
     low, high = best.interval
     assert low < shifted_sphere(best.x, 0) < high
@@ -270,7 +271,7 @@ def test_a_level_that_soon_fails_is_left_and_the_target_is_searched() -> None:
 
     best = mfopt.minimize(
         {"c": broken, "f": shifted_sphere}, BOUNDS, costs={"c": 1, "f": 100},
-        surrogate=AutoregressiveGp(), budget=25,
+        budget=25,
     )  # fmt: skip
     assert calls < 60
     assert best.f < 0.01
@@ -286,7 +287,7 @@ def test_a_larger_budget_goes_on_from_what_is_there(tmp_path: Path) -> None:
 
     def spend(budget: float) -> mfopt.Minimum:
         return mfopt.minimize(
-            {"f": counted}, BOUNDS, surrogate=AutoregressiveGp(), budget=budget,
+            {"f": counted}, BOUNDS, budget=budget,
             directory=tmp_path / "run", sigma=np.float32(0.2),
         )  # fmt: skip
 
@@ -332,7 +333,7 @@ def test_other_costs_are_refused(tmp_path: Path) -> None:
 def assisted(path: Path, budget: float, **changed: Any) -> mfopt.Minimum:
     given: dict[str, Any] = {
         "levels": {"c": noisy, "f": noisy}, "bounds": BOUNDS, "costs": {"c": 1.0, "f": 8.0},
-        "surrogate": AutoregressiveGp(), "seed": 3,
+        "seed": 3,
     }  # fmt: skip
     return mfopt.minimize(**(given | {"budget": budget, "directory": path} | changed))
 

@@ -1,12 +1,14 @@
 """Objectives of a discharge, and what an engineer asks of one."""
 
 import math
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
 from pydantic import Field
 
-from mfopt.records.objective import Criteria, Objective, Quantity, Raw
+from mfopt.arrays import Array
+from mfopt.records.objective import Criteria, Objective, Quantity, Raw, Series
 from mfopt.settings import Settings
 
 NO_FLOW = 1.0  # [-] error of a hopper from which nothing flows evenly
@@ -38,8 +40,23 @@ def criteria(wanted: Wanted) -> Criteria:
             Quantity("mass left", "-", mass_left, (1e2, "%")),
         ),
         "mass flow rate",
+        (
+            Series("discharged fraction", "-", _sampled("discharged_fraction"), (1e2, "%")),
+            Series("fill level", "m", _sampled("level"), (1e3, "mm")),
+            Series("fill level, left half", "m", _sampled("level_left"), (1e3, "mm")),
+            Series("fill level, right half", "m", _sampled("level_right"), (1e3, "mm")),
+        ),
         wanted.model_dump(mode="json"),
     )
+
+
+def _sampled(name: str) -> Callable[[Raw], tuple[Array, Array]]:
+    """Reads a series that was sampled during the run."""
+
+    def read(raw: Raw) -> tuple[Array, Array]:
+        return raw["sample_times"], raw[name]
+
+    return read
 
 
 def mass_flow_rate(raw: Raw) -> float:

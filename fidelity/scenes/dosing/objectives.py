@@ -13,8 +13,9 @@ from functools import partial
 import numpy as np
 from pydantic import Field
 
+from mfopt.arrays import Array
 from mfopt.limits import Milliseconds
-from mfopt.records.objective import Criteria, Objective, Quantity, Raw
+from mfopt.records.objective import Criteria, Objective, Quantity, Raw, Series
 from mfopt.settings import Settings
 
 LAST_GRAINS_IGNORED = 20.0  # eq. 4: stragglers must not decide
@@ -69,6 +70,7 @@ def criteria(weights: Weights = DEFAULTS) -> Criteria:
             Quantity("mass left", "-", mass_left, (1e2, "%")),
         ),
         "filling time",
+        (Series("share passed", "-", passed_share, (1e2, "%")),),
         asdict(weights),
     )
 
@@ -124,6 +126,14 @@ def span(raw: Raw) -> float:
     """Time between the first and the last grain [s]; the duration if fewer than three passed."""
     times = raw["passage_times"]
     return float(np.ptp(times)) if times.size >= FEWEST_TIMES else float(raw["duration"])
+
+
+def passed_share(raw: Raw) -> tuple[Array, Array]:
+    """Share of the grains that have passed the tube's end, at every passage."""
+    times = np.concatenate([[0.0], raw["passage_times"], [float(raw["duration"])]])
+    passed = len(raw["passage_times"])
+    count = np.concatenate([np.arange(passed + 1.0), [passed]])
+    return times, count / float(raw["grains"])
 
 
 def mass_left(raw: Raw) -> float:

@@ -166,6 +166,7 @@ class Heap:
                 Quantity("radius of the heap", "m", _radius, (1e3, "mm"), lower_is_better=False),
             ),
             "angle of repose",
+            (),
             self.wanted.model_dump(mode="json"),
         )
 

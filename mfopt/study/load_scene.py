@@ -1,0 +1,141 @@
+"""`load_scene`: one simulation of a scene, from a notebook."""
+
+import textwrap
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fidelity.grains.settings import DemSettings
+from fidelity.level import SceneLevel
+from fidelity.scene import Scene
+from mfopt.arrays import Array, frozen
+from mfopt.errors import ConfigError, SimulationError
+from mfopt.records.objective import Criteria
+from mfopt.records.outcome import Outcome
+from mfopt.settings import checked, nearest
+from mfopt.study.assemble import DEM_NAMES, DemName, engine_named, scene_class
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from pandas import DataFrame
+
+GRAINS = 1000
+WIDTH = 100  # characters of a line
+
+
+@dataclass(frozen=True, slots=True, repr=False)
+class LoadedScene:
+    """A scene with its settings, ready to be run."""
+
+    scene: Scene
+
+    def run(
+        self,
+        design: dict[str, float] | None = None,
+        *,
+        seed: int = 1,
+        engine: DemName = "numba",
+        grains: int = GRAINS,
+        **numerics: Any,
+    ) -> "SceneRun":
+        """Simulate once.
+
+        Args:
+            design: values of variables by name, in their units; what is left out: the baseline.
+            seed: of the packing.
+            engine: "numba", "yade" or "bullet".
+            grains: how many; the mass stays the same.
+            numerics: what a level of a study file may say besides, such as `spheres_per_grain`.
+
+        Raises:
+            ConfigError: if an argument is wrong, or the engine is not installed.
+            SimulationError: if the run failed; the message says why.
+        """
+        if engine not in DEM_NAMES:
+            raise ConfigError(f"engine = {engine!r} must be one of {', '.join(DEM_NAMES)}")
+        dem = checked(DemSettings, {"grains": grains, **numerics}, where="run")
+        level = SceneLevel(engine, self.scene, dem, engine_named(engine))
+        outcome = level.evaluate(self._x(design or {}), seed=seed)
+        if not outcome.finished:
+            raise SimulationError(f"the run of {self.scene.name} failed: {outcome.why}")
+        return SceneRun(self.scene.name, outcome, self.scene.criteria())
+
+    def _x(self, design: dict[str, float]) -> Array:
+        problem = self.scene.problem()
+        values = dict(problem.named(problem.baseline))
+        for name, value in design.items():
+            if name not in values:
+                raise ConfigError(f"there is no variable {name!r}{nearest(name, values)}")
+            values[name] = float(value)
+        return frozen(list(values.values()))
+
+    def __repr__(self) -> str:
+        problem = self.scene.problem()
+        named = problem.named(problem.baseline)
+        said = ", ".join(f"{v.name} = {named[v.name]:g} {v.unit}" for v in problem.variables)
+        return textwrap.fill(f"scene {self.scene.name}: {said}", WIDTH, subsequent_indent="    ")
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class SceneRun:
+    """One finished simulation of a scene."""
+
+    name: str
+    outcome: Outcome
+    criteria: Criteria
+
+    @property
+    def quantities(self) -> dict[str, float]:
+        """What an engineer asks of the run, SI units; by name."""
+        return self.criteria.quantities_of(self.outcome)
+
+    @property
+    def series(self) -> dict[str, tuple[Array, Array]]:
+        """Quantities over time: times (s,) [s] and values (s,) in SI units; by name."""
+        return {its.name: its.read(self.outcome.raw) for its in self.criteria.series}
+
+    def frame(self) -> "DataFrame":
+        """The quantities over time as a pandas frame: one row a time, one column a quantity."""
+        from pandas import DataFrame
+
+        columns = self.series
+        times = np.unique(np.concatenate([t for t, _ in columns.values()] or [np.empty(0)]))
+        made = {f"{name}": np.interp(times, t, v) for name, (t, v) in columns.items()}
+        return DataFrame({"time [s]": times, **made}).set_index("time [s]")
+
+    def plot(self) -> "Figure":
+        """Draw the quantities over time, one panel each."""
+        from matplotlib.figure import Figure
+
+        its = self.criteria.series
+        figure = Figure(figsize=(6.4, 1.0 + 1.7 * max(1, len(its))), layout="constrained")
+        panels = figure.subplots(max(1, len(its)), 1, sharex=True, squeeze=False)[:, 0]
+        for panel, series in zip(panels, its, strict=False):
+            times, values = series.read(self.outcome.raw)
+            factor, unit = series.shown
+            panel.plot(times, values * factor)
+            panel.set_ylabel(f"{series.name}\n[{unit}]")
+        panels[-1].set_xlabel("time [s]")
+        return figure
+
+    def __repr__(self) -> str:
+        lines = [f"run of {self.name}, seed {self.outcome.seed}, level {self.outcome.level}"]
+        for q in self.criteria.quantities:
+            factor, unit = q.shown
+            lines.append(f"{q.name}: {q.read(self.outcome.raw) * factor:.4g} {unit}")
+        lines.append(f"{self.outcome.cpu_s:.1f} s of CPU")
+        return "\n".join(lines)
+
+
+def load_scene(name: str, **settings: Any) -> LoadedScene:
+    """A scene of mfopt, such as "discharge", for single simulations.
+
+    Args:
+        name: of the scene.
+        settings: of its table in a study file, such as `opening_mm=40`.
+
+    Raises:
+        ConfigError: if there is no such scene, or a setting is wrong.
+    """
+    return LoadedScene(scene_class(name).read(settings, {}, "load_scene"))

@@ -1,0 +1,79 @@
+"""Single simulations from a notebook."""
+
+import io
+
+import numpy as np
+import pytest
+
+import mfopt
+from mfopt.errors import ConfigError, SimulationError
+from mfopt.study.load_scene import SceneRun
+
+
+@pytest.fixture(scope="module")
+def run() -> SceneRun:
+    hopper = mfopt.load_scene("discharge", opening_mm=40, samples=50)
+    return hopper.run(grains=150, spheres_per_grain=1)
+
+
+def test_a_run_prints_its_quantities_in_a_few_lines(run: SceneRun) -> None:
+    lines = repr(run).splitlines()
+    assert len(lines) == 5
+    assert lines[1].startswith("mass flow rate: ")
+    assert lines[1].endswith(" g/s")
+
+
+def test_series_run_from_a_full_hopper_to_an_emptier_one(run: SceneRun) -> None:
+    times, fraction = run.series["discharged fraction"]
+    _, level = run.series["fill level"]
+    assert times.shape == fraction.shape == level.shape == (51,)
+    assert fraction[0] == 0.0
+    assert (np.diff(fraction) >= 0.0).all()
+    assert fraction[-1] == pytest.approx(1.0 - run.quantities["mass left"], abs=0.02)
+    assert level[-1] < level[0]
+
+
+def test_a_run_becomes_a_frame_and_a_figure(run: SceneRun) -> None:
+    frame = run.frame()
+    assert list(frame.columns) == list(run.series)
+    assert frame.index.name == "time [s]"
+    assert np.array_equal(frame["fill level"].to_numpy(), run.series["fill level"][1])
+    page = io.BytesIO()
+    run.plot().savefig(page)
+    assert page.getbuffer().nbytes > 10_000
+
+
+def test_a_design_changes_the_run(run: SceneRun) -> None:
+    hopper = mfopt.load_scene("discharge", opening_mm=40)
+    steep = hopper.run({"floor_angle": 60.0}, grains=150, spheres_per_grain=1)
+    assert steep.quantities["mass left"] < run.quantities["mass left"]
+
+
+def test_dosing_has_its_passage_curve() -> None:
+    its = mfopt.load_scene("dosing").run(grains=60, spheres_per_grain=1)
+    times, share = its.series["share passed"]
+    assert share[0] == 0.0
+    assert share[-1] == pytest.approx(1.0 - its.quantities["mass left"])
+    assert (np.diff(times) >= 0.0).all()
+
+
+def test_wrong_arguments_are_named() -> None:
+    with pytest.raises(ConfigError, match="no scene 'discharges'; did you mean 'discharge'"):
+        mfopt.load_scene("discharges")
+    with pytest.raises(ConfigError, match="unknown key 'opening'"):
+        mfopt.load_scene("discharge", opening=4)
+    hopper = mfopt.load_scene("discharge")
+    with pytest.raises(ConfigError, match="no variable 'openin'"):
+        hopper.run({"openin": 3.0})
+    with pytest.raises(ConfigError, match="engine = 'cuda' must be one of numba"):
+        hopper.run(engine="cuda")  # type: ignore[arg-type]
+    with pytest.raises(SimulationError, match="floor_angle"):
+        hopper.run({"floor_angle": 95.0})
+
+
+def test_every_run_of_a_search_is_a_row_of_a_frame() -> None:
+    best = mfopt.minimize({"f": lambda x, seed: float(x[0] ** 2)}, {"a": (-1, 1)}, budget=8)
+    frame = best.frame()
+    assert len(frame) == len(best.evaluations)
+    assert list(frame.columns) == ["a", "level", "seed", "f", "status"]
+    assert frame["f"].min() == best.best_run.objective
