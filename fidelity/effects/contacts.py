@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fidelity.effects.kinds import SetupEffect, Values
+from fidelity.effects.kinds import SetupEffect, Values, positive
 from fidelity.engine import Setup, Wall
 from mfopt.arrays import BoolArray
 from mfopt.errors import ConfigError
@@ -15,19 +15,19 @@ FLAT = 1e-9  # [m] corners this close to the plane of the front side lie in it
 
 
 def _roll(setup: Setup, values: Values) -> Setup:
-    physics = setup.physics
+    physics, more = setup.physics, positive("rolling_resistance", "coefficient", values)
     return replace(
         setup,
         physics=replace(
             physics,
-            rolling_friction=physics.rolling_friction + values["coefficient"],
+            rolling_friction=physics.rolling_friction + more,
             rolling_stiffness=physics.rolling_stiffness * values["spring"],
         ),
     )
 
 
 def _stick(setup: Setup, values: Values) -> Setup:
-    energy = setup.physics.adhesion_energy + values["energy"]
+    energy = setup.physics.adhesion_energy + positive("cohesion", "energy", values)
     return replace(setup, physics=replace(setup.physics, adhesion_energy=energy))
 
 
@@ -53,13 +53,16 @@ def _roughen(setup: Setup, values: Values) -> Setup:
     walls, sides = [], []
     for wall in setup.walls:
         there = _at(wall, front)
+        if not there.any():
+            walls.append(wall)
+            continue
         rough = replace(wall, friction_angle=_rougher(setup, wall, values["excess"]))
-        if there.any() and not there.all():
-            triangles, name = wall.triangles, f"{wall.name} front"
-            walls.append(replace(wall, triangles=triangles[~there]))
-            sides.append(replace(rough, name=name, triangles=triangles[there]))
-        else:
-            walls.append(rough if there.all() else wall)
+        if there.all():
+            walls.append(rough)
+            continue
+        triangles, name = wall.triangles, f"{wall.name} front"
+        walls.append(replace(wall, triangles=triangles[~there]))
+        sides.append(replace(rough, name=name, triangles=triangles[there]))
     return replace(setup, walls=(*walls, *sides))
 
 

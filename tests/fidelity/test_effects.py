@@ -318,12 +318,16 @@ def test_a_vessel_without_a_flat_front_cannot_have_a_rougher_one() -> None:
         ("cohesoin", {}, "unknown effect 'cohesoin'; the nearest is 'cohesion'"),
         ("cohesion", {"enrgy": 1.0}, "the nearest is 'energy'"),
         ("two_sizes", STRENGTHS["two_sizes"], "apply it to the portion"),
+        ("cohesion", {"energy": -0.1}, "energy = -0.1 must be above 0"),
+        ("rolling_resistance", {"coefficient": -0.1}, "coefficient = -0.1 must be above 0"),
+        ("drag_linear", {"rate": -1.0}, "drag_linear: rate = -1 must be above 0"),
+        ("drag_quadratic", {"rate": -1.0}, "drag_quadratic: rate = -1 must be above 0"),
         ("slow_gate", {"opening_time": 0.1}, "has no wall 'gate'"),
-        ("slow_gate", {"opening_time": -0.1}, "opening_time = -0.1 s must be positive"),
+        ("slow_gate", {"opening_time": -0.1}, "opening_time = -0.1 must be above 0"),
         ("restitution", {"change": 0.5}, "makes 1.2"),
         ("side_wall_friction", {"excess": -0.5}, "must be at least -0.3"),
         ("body_damping", {"share": 1.0}, "share = 1 must be"),
-        ("vibration", {"amplitude": -1e-3, "frequency": 1.0}, "amplitude = -0.001 m"),
+        ("vibration", {"amplitude": -1e-3, "frequency": 1.0}, "amplitude = -0.001 must be"),
     ],
 )
 def test_what_cannot_be_is_refused_with_a_remedy(name: str, values: Values, message: str) -> None:
