@@ -1,7 +1,7 @@
 """What a grain engine is given and gives back. An engine only moves grains.
 
-A scene (dosing) builds a `Setup`; an engine (yade, bullet) moves the grains and returns
-a `Movement`; the scene turns that into an outcome. The same holds for filling the cup.
+A scene builds a `Setup`; an engine moves the grains and returns a `Movement`; the scene turns that
+into an outcome. The same holds for filling a vessel.
 """
 
 import math

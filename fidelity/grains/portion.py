@@ -1,7 +1,7 @@
-"""Grains put loosely into the tall cup, and whether a settled packing can be trusted.
+"""Grains put loosely into a tall vessel, and whether a settled packing can be trusted.
 
 The grains lie in horizontal layers with random headings, placed one by one where they touch
-no other grain of the layer (random sequential addition). That fills the cup far denser than a
+no other grain of the layer (random sequential addition). That fills the vessel far denser than a
 lattice of freely turning grains would, so they settle within a short fall.
 """
 
@@ -17,19 +17,19 @@ TRIES_IN_VAIN = 100  # in a row, then the layer is full: fills about half of its
 HOPELESS = 5000  # tries for the first grain of a layer
 BATCH = 32  # candidates drawn at a time
 # A portion at rest overlaps by about its weight over its stiffness: 800 Pa against 1e5 Pa for
-# the softest grains that make sense. Meshes of the cup's corners add their chordal error.
+# the softest grains that make sense. Meshes of rounded corners add their chordal error.
 MOST_OVERLAP = 0.3  # [sphere radii]
 
 
 def loose_portion(
     grain: Grain, section: Section, grains: int, seed: int, *, chordal_error: float
 ) -> Packing:
-    """Put `grains` grains in layers into a cup of that section, from z = 0 up, without overlap.
+    """Put `grains` grains in layers into a vessel of that section, from z = 0 up, without overlap.
 
-    `chordal_error` [m] is how far the cup's mesh may lie within its exact section.
+    `chordal_error` [m] is how far the vessel's mesh may lie within its exact section.
 
     Raises:
-        SimulationError: if the grain is too long for the cup.
+        SimulationError: if the grain is too long for the vessel.
     """
     rng = np.random.default_rng(seed)
     spacing = CLEARANCE * 2 * float(grain.radii.max())
@@ -77,7 +77,7 @@ def _layer(
                 break
     if not placed:
         raise SimulationError(
-            f"a grain of {1e3 * (np.ptp(along) + 2 * radius):.0f} mm does not fit into the cup; "
+            f"a grain of {1e3 * (np.ptp(along) + 2 * radius):.0f} mm does not fit into the vessel; "
             "use more grains"
         )
     return np.array(placed)
@@ -144,7 +144,7 @@ def count_flaw(packing: Packing, grains: int) -> str | None:
 
 
 def flaw(grain: Grain, section: Section, top: float, grains: int, packing: Packing) -> str | None:
-    """Why a packing in a cup with its floor at z = 0 cannot be used, or None."""
+    """Why a packing in a vessel with its floor at z = 0 cannot be used, or None."""
     if (why := count_flaw(packing, grains)) is not None:
         return why
     centres, radii = sphere_centres(grain, packing), sphere_radii(grain, packing)
@@ -152,7 +152,7 @@ def flaw(grain: Grain, section: Section, top: float, grains: int, packing: Packi
     depth = depth_in_section(section, centres[..., :2]) - radii
     z = centres[..., 2]
     if min(depth.min(), (z - radii).min(), (top - z - radii).min()) < -slack:
-        return "a grain lies outside the cup"
+        return "a grain lies outside the vessel"
     overlap = largest_overlap(grain, packing)
     if overlap > MOST_OVERLAP:
         return f"grains overlap by {overlap:.2f} radii, more than {MOST_OVERLAP:g}"

@@ -1,17 +1,11 @@
-"""The loop: check and starts, then ask, evaluate, store, tell; then finalists and confirmation.
+"""A study from its check to its confirmation: what the driver is asked for, in which order."""
 
-Resuming replays the search from its seed. A candidate that the run directory already holds
-is told from there, only the others are run. A search is a pure function of its seed and of
-the values it is told, so the resumed run ends with the evaluations of an undisturbed one.
-"""
-
-from collections import deque
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from mfopt.arrays import Array, distinct
+from mfopt.campaign.driver import Driver, Watch, run_of
 from mfopt.campaign.executor import Runner
 from mfopt.campaign.memory import Memory
 from mfopt.campaign.phases import (
@@ -24,78 +18,13 @@ from mfopt.campaign.phases import (
     on_reference,
 )
 from mfopt.campaign.store import RunDirectory
-from mfopt.records.evaluation import Candidate, Evaluation, Insight
+from mfopt.records.evaluation import Evaluation
 from mfopt.records.level import Ladder, Level
-from mfopt.records.objective import Objective, judged, missed
-from mfopt.records.outcome import Outcome
+from mfopt.records.objective import missed
 from mfopt.records.problem import Problem
 from mfopt.search.search import Search
 
-
-@dataclass(frozen=True, slots=True)
-class Progress:
-    """How far a run has come, after each evaluation."""
-
-    evaluation: Evaluation
-    runs_left: Sequence[tuple[str, int]]  # (level, number of runs) that the search still plans
-    replayed: bool  # taken from the run directory, not run now
-    insight: Insight | None = None  # what the search knows of its recommended design
-
-
-Watch = Callable[[Progress], None]
-Run = tuple[str, int, bytes]  # level, seed and design: what a run gives depends on nothing else
-SAME_DESIGN = 12  # decimals in the unit cube
 MakeSearch = Callable[[Array], Search]  # the search that starts from a design (d,)
-
-
-@dataclass(frozen=True, slots=True)
-class _Loop:
-    """What every phase needs to have its candidates evaluated."""
-
-    problem: Problem
-    memory: Memory
-    runner: Runner
-    window: int
-    watch: Watch
-    checked: Mapping[Run, Outcome]  # what the check of the levels has run
-
-    def known(self, candidate: Candidate, objective: Objective) -> Evaluation | None:
-        """The evaluation of a candidate that need not be run: stored, or run by the check."""
-        found = self.memory.recall(candidate)
-        if found is not None:
-            return found
-        outcome = self.checked.get(run_of(self.problem, candidate))
-        if outcome is None:
-            return None
-        free = replace(outcome, work=0.0, cpu_s=0.0)  # the check has spent it
-        found = Evaluation(candidate, *judged(objective, free))
-        self.memory.run.add_evaluation(found)
-        return found
-
-    def keep(self, made: Sequence[Evaluation]) -> None:
-        """Store evaluations that were made outside of the loop, unless they are there."""
-        for evaluation in made:
-            known = self.memory.recall(evaluation.candidate) is not None
-            if not known:
-                self.memory.run.add_evaluation(evaluation)
-            self.watch(Progress(evaluation, [], replayed=known))
-
-    def evaluate(
-        self, candidates: Sequence[Candidate], ladder: Ladder, objective_name: str
-    ) -> list[Evaluation]:
-        """Evaluate what is not in the run directory yet; all in the order given."""
-        objective = self.memory.run.criteria.objective(objective_name)
-        made = {
-            c.index: found for c in candidates if (found := self.known(c, objective)) is not None
-        }
-        for found in made.values():
-            self.watch(Progress(found, [], replayed=True))
-        missing = [c for c in candidates if c.index not in made]
-        for candidate, outcome in self.runner.run(ladder, missing):
-            new = made[candidate.index] = Evaluation(candidate, *judged(objective, outcome))
-            self.memory.run.add_evaluation(new)
-            self.watch(Progress(new, [], replayed=False))
-        return [made[c.index] for c in candidates]
 
 
 def run_study(
@@ -134,11 +63,11 @@ def run_study(
         An evaluation of the best design, at the highest level that has one.
     """
     at_check = {run_of(problem, e.candidate): e.outcome for e in checked}
-    loop = _Loop(problem, Memory(run), runner, window, watch, at_check)
+    driver = Driver(problem, Memory(run), runner, window, watch, at_check)
     try:
-        loop.keep(checked)
+        driver.keep(checked)
         first = [] if starts is None else starts.candidates(len(checked))
-        before = [*checked, *loop.evaluate(first, ladder, objective)]
+        before = [*checked, *driver.evaluate(first, ladder, objective)]
         start = next(iter(by_mean(before[len(checked) :])), None)
         search = make_search(problem.baseline if start is None else start)
         told = list({run_of(problem, e.candidate): e for e in before}.values())
@@ -148,20 +77,20 @@ def run_study(
                 [e.objective for e in told],
                 missed(run.criteria.objective(objective), [e.outcome for e in told]),
             )
-        made = [*before, *_search(search, loop, ladder, len(before))]
+        made = [*before, *driver.search(search, ladder, len(before))]
         top = ladder.top.name
         rivals = search.finalists(finals.designs)
         if start is not None:
             rivals = [*rivals, start, problem.baseline]
-        final, winner = _tell_apart(distinct(rivals), finals, loop, ladder, objective, len(made))
+        final, winner = _tell_apart(distinct(rivals), finals, driver, ladder, objective, len(made))
         made += final
         best = best_of(made, ladder, search.recommended() if winner is None else winner)
         if best is not None and confirm_seeds:
             pairs = confirmation(problem, best.candidate.x, top, confirm_seeds, len(made))
-            loop.evaluate(pairs, confirm_on, objective)
+            driver.evaluate(pairs, confirm_on, objective)
             if reference is not None:
                 pair = on_reference(pairs, reference.name)
-                loop.evaluate(pair, Ladder((reference,)), objective)
+                driver.evaluate(pair, Ladder((reference,)), objective)
         if run.end is None:
             run.add_end(search.should_stop() or "")
     finally:
@@ -169,59 +98,10 @@ def run_study(
     return best
 
 
-def _search(search: Search, loop: _Loop, ladder: Ladder, first_index: int) -> list[Evaluation]:
-    """Ask and tell until the search stops; evaluations in the order asked.
-
-    Results are told in the order asked, whichever ends first, so that a run repeats exactly. At
-    most `window` candidates are out at a time: those that exceed the workers keep them busy
-    while a slow run ends.
-
-    Args:
-        first_index: evaluations of the run that were made before.
-    """
-    memory, runner = loop.memory, loop.runner
-    made: list[Evaluation] = []
-    out: deque[tuple[Candidate, Candidate]] = deque()  # as the search knows it, and as stored
-    arrived: dict[int, Evaluation] = {}
-    objectives: dict[int, Objective] = {}
-    while True:
-        while len(out) < loop.window and search.should_stop() is None:
-            generation = search.generation
-            asked = search.ask(loop.window - len(out))
-            if not asked:
-                break
-            memory.run.add_generation(generation)
-            for its in asked:
-                candidate = replace(its, index=first_index + its.index)
-                out.append((its, candidate))
-                objectives[candidate.index] = memory.run.criteria.objective(generation.objective)
-                found = loop.known(candidate, objectives[candidate.index])
-                if found is not None:
-                    arrived[candidate.index] = found
-                    loop.watch(Progress(found, search.work_left, True, search.insight))
-                else:
-                    runner.submit(ladder, candidate)
-        if not out:
-            return made
-        its, candidate = out.popleft()
-        while candidate.index not in arrived:
-            other, outcome = runner.next()
-            new = Evaluation(other, *judged(objectives[other.index], outcome))
-            memory.run.add_evaluation(new)
-            arrived[other.index] = new
-            loop.watch(Progress(new, search.work_left, False, search.insight))
-        evaluation = arrived.pop(candidate.index)
-        terms = missed(objectives[candidate.index], [evaluation.outcome])
-        search.tell([its], [evaluation.objective], terms)
-        if search.insight is not None:
-            memory.run.add_insight(search.insight)
-        made.append(evaluation)
-
-
 def _tell_apart(
     rivals: Sequence[Array],
     finals: Finals,
-    loop: _Loop,
+    driver: Driver,
     ladder: Ladder,
     objective: str,
     first_index: int,
@@ -232,18 +112,12 @@ def _tell_apart(
     while len(rivals) > 1:
         index = first_index + len(made)
         round_ = finalists(rivals, ladder.top.name, used, seeds, index)
-        made += loop.evaluate(round_, ladder, objective)
+        made += driver.evaluate(round_, ladder, objective)
         left = {x.tobytes() for x in rivals}
         its = [e for e in made if e.candidate.x.tobytes() in left]
         rivals = by_mean(its)[: len(rivals) // 2]
         seeds, used = 2 * seeds, used + seeds
     return made, rivals[0] if rivals else None
-
-
-def run_of(problem: Problem, candidate: Candidate) -> Run:
-    """What a run depends on; designs that differ by rounding are the same."""
-    z = np.round(problem.to_z(candidate.x), SAME_DESIGN) + 0.0  # no -0.0
-    return candidate.level, candidate.seed, z.tobytes()
 
 
 def best_of(

@@ -8,7 +8,7 @@ from types import TracebackType
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from mfopt.campaign.run import Progress as RunProgress
+from mfopt.campaign.driver import Progress as RunProgress
 from mfopt.commands.forecast import Forecast, time_to_go
 from mfopt.records.evaluation import Candidate, Insight
 from mfopt.records.outcome import Outcome
@@ -151,7 +151,7 @@ def _phase(candidate: Candidate) -> str:
 
 
 def _settling_s(outcome: Outcome) -> float:
-    """CPU time of filling the cup [s], which the run itself does not count."""
+    """CPU time of filling the vessel [s], which the run itself does not count."""
     its = outcome.raw.get("settling_cpu_s")
     return float(its) if its is not None and its.ndim == 0 else 0.0
 

@@ -22,9 +22,7 @@ SMALLEST_WORK, LARGEST_WORK = 1e-12, 1e18
 class Outcome:
     """One simulation run: raw results that any objective can be computed from later.
 
-    `raw` maps a name to an array (0-d for a scalar), SI units. The dosing scene stores
-    `passage_times` (n_passed,) [s, sorted], and the counts `grains`, `passed`,
-    `left_in_cup`, `left_in_hopper`, `lost`.
+    `raw` maps a name to an array (0-d for a scalar), SI units; a scene says which names.
     """
 
     x: Array  # (d,) design, physical units

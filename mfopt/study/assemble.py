@@ -92,7 +92,7 @@ class Assembled:
 
     @property
     def uses_numba(self) -> bool:
-        """Whether a run may call the compiled engine, be it only to fill the cup."""
+        """Whether a run may call the compiled engine, be it only to fill the vessel."""
         return any(isinstance(level, SceneLevel) for level in self.ladder)
 
 
@@ -349,7 +349,7 @@ def _on_grains(top: Level, names: Sequence[str], where: str) -> SceneLevel:
     if not isinstance(top, SceneLevel):
         raise ConfigError(
             f"{where} = {', '.join(names)}: the target level {top.name!r} has no grains that such "
-            'an engine could move; give scene = "dosing" in [problem] and a target level on '
+            "an engine could move; give a scene in [problem] and a target level on "
             f"{_listed(DEM_NAMES)}, or leave the reference out"
         )
     return top

@@ -13,11 +13,12 @@ from fidelity.programs.function import FunctionLevel, Simulator
 from mfopt.arrays import Array, frozen
 from mfopt.campaign.begin import begin, budgets
 from mfopt.campaign.check import check_levels
+from mfopt.campaign.driver import Progress, Run, run_of
 from mfopt.campaign.executor import Runner, one_thread
 from mfopt.campaign.header import header
 from mfopt.campaign.local_workers import local_processes
 from mfopt.campaign.memory import Memory
-from mfopt.campaign.run import Progress, Run, run_of, run_study
+from mfopt.campaign.run import run_study
 from mfopt.campaign.store import RunDirectory, writing
 from mfopt.checks import shown, whole
 from mfopt.errors import ConfigError

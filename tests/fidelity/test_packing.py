@@ -90,7 +90,7 @@ def test_loose_portion_differs_by_seed_only() -> None:
 
 def test_grain_too_long_for_the_cup_is_named() -> None:
     small = Section(0.03, 0.03, 0.005, 0.0)
-    with pytest.raises(SimulationError, match="does not fit into the cup; use more grains"):
+    with pytest.raises(SimulationError, match="does not fit into the vessel; use more grains"):
         loose_portion(ORDER.grain, small, 3, 0, chordal_error=1e-3)
 
 
@@ -171,7 +171,7 @@ def test_flaws_are_named() -> None:
     stacked = np.array(loose.positions)
     stacked[1] = stacked[0] + [0.0, 0.0, 1e-4]
     assert flaw_of(loose.positions) == ""
-    assert "outside the cup" in flaw_of(shifted)
+    assert "outside the vessel" in flaw_of(shifted)
     assert "overlap" in flaw_of(stacked)
     assert "59 grains instead of 60" in flaw_of(loose.positions[:59])
 

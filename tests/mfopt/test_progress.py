@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from mfopt.campaign.run import Progress
+from mfopt.campaign.driver import Progress
 from mfopt.commands.progress import ProgressDisplay, fitted
 from mfopt.records.evaluation import Candidate, Evaluation, Insight, Purpose
 from mfopt.records.outcome import Outcome

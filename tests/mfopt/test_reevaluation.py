@@ -7,8 +7,9 @@ import pytest
 
 from fidelity.programs.function import FunctionLevel
 from mfopt.arrays import Array
+from mfopt.campaign.driver import Progress
 from mfopt.campaign.executor import Runner, one_thread
-from mfopt.campaign.run import Progress, run_study
+from mfopt.campaign.run import run_study
 from mfopt.campaign.store import create, open_run
 from mfopt.errors import ConfigError
 from mfopt.records.evaluation import Candidate, Insight

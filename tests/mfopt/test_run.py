@@ -7,9 +7,10 @@ import pytest
 from fidelity.programs.function import FunctionLevel
 from mfopt.arrays import Array
 from mfopt.campaign.check import check_levels
+from mfopt.campaign.driver import Progress
 from mfopt.campaign.executor import Runner, one_thread
 from mfopt.campaign.phases import CONFIRM_SEED, Finals, Starts
-from mfopt.campaign.run import Progress, run_study
+from mfopt.campaign.run import run_study
 from mfopt.campaign.store import RunDirectory, create, open_run
 from mfopt.errors import ConfigError
 from mfopt.records.evaluation import Evaluation
