@@ -5,8 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
+from fidelity.effects.switch import refuse_effects, with_effects
 from fidelity.engine import Engine, Movement, Setup
 from fidelity.engines.numba import NumbaEngine
+from fidelity.grains.filling import Rained
 from fidelity.grains.packing import Settled, default_cache, settled_packing
 from fidelity.grains.settings import DemSettings
 from fidelity.scene import Scene
@@ -33,6 +35,9 @@ class SceneLevel:
     cache: Path | None = None  # directory of settled packings; None for the user's cache
     snapshots: int = 0  # number of moments at which all grains are stored
     filler: Engine = field(default_factory=NumbaEngine)
+
+    def __post_init__(self) -> None:
+        refuse_effects(self.engine.name.partition("-")[0], self.dem.effects)
 
     def work(self, x: Array) -> float:
         """Predict the work of a run: spheres that move, times steps."""
@@ -77,13 +82,17 @@ class SceneLevel:
             InvalidDesign: if the design cannot be built.
             SimulationError: if the vessel cannot be filled.
         """
+        effects = self.dem.effects
         filling, settled = self.scene.filling(x, self.dem, seed), None
+        if isinstance(filling, Rained):
+            filling = replace(filling, setup=with_effects(filling.setup, effects))
         if filling is not None:
             cache = default_cache() if self.cache is None else self.cache
             limit = self.dem.time_limit_s
             settled = settled_packing(self.filler, filling, cache, time_limit_s=limit)
         packing = None if settled is None else settled.packing
-        return self.scene.setup(x, self.dem, packing, seed, self.snapshots), settled
+        setup = self.scene.setup(x, self.dem, packing, seed, self.snapshots)
+        return with_effects(setup, effects), settled
 
     def _outcome(
         self, x: Array, seed: int, setup: Setup, settled: Settled | None, movement: Movement

@@ -84,6 +84,11 @@ def with_effects(subject: Setup | Portion, effects: Mapping[str, Values]) -> Set
     return subject
 
 
+def is_on(effects: Mapping[str, Values], name: str) -> bool:
+    """Whether an effect is among these, and not at its null."""
+    return name in effects and not is_absent(effect_named(name).effect, effects[name])
+
+
 def _acts(effect: PortionEffect | SetupEffect, subject: Setup | Portion) -> bool:
     if isinstance(subject, Portion):
         return isinstance(effect, PortionEffect)

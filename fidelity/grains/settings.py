@@ -2,6 +2,8 @@
 
 import math
 
+from pydantic import Field
+
 from fidelity.engine import ContactLaw, Material, Physics
 from mfopt.limits import (
     ChordalError,
@@ -62,6 +64,8 @@ class DemSettings(Settings):
     timestep_factor: TimestepFactor = 0.6
     contact_law: ContactLaw = "linear"  # springs of Cundall and Strack, or Hertz and Mindlin
     restitution: Restitution | None = None  # needed by hertz
+    # Effects of `fidelity.effects` by name, each with its parameters in SI units.
+    effects: dict[str, dict[str, float]] = Field(default_factory=dict)
     chordal_error_mm: ChordalError | None = None  # a quarter of the sphere radius if None
     time_limit_s: TimeLimit = 7200
 

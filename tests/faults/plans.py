@@ -17,7 +17,7 @@ LONG: Mapping[str, Sequence[int] | None] = {
     "starts": range(20), "studies": range(10_000),
 }  # fmt: skip
 SHORT: Mapping[str, Sequence[int]] = {
-    "kills": (0, 1, 2, 3, 7), "writes": range(4), "stores": range(12), "lock": range(100),
+    "kills": (0, 1, 2, 3), "writes": range(4), "stores": range(12), "lock": range(100),
     "starts": range(2), "studies": range(300),
 }  # fmt: skip
 

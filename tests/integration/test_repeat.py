@@ -1,7 +1,6 @@
 """The same study twice gives the same evaluations, bit for bit.
 
-Single runs of the other engines repeat too (`fidelity.test_dosing_level`); with YADE, the runs
-that `faults.kills` breaks off and resumes end like an undisturbed one.
+Single runs of the other engines repeat too (`fidelity.test_dosing_level`).
 """
 
 from pathlib import Path

@@ -8,6 +8,7 @@ narrower than the box in both directions).
 
 import math
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -45,6 +46,7 @@ class DischargeSettings:
     duration: float  # [s] of the run
     opening_depth: float | None = None  # [m] of the outlet along y; None: a slot, all the depth
     floor_angle: float = 0.0  # [rad] of the floor along x to the horizontal; 0: flat bottom
+    floor: float = 0.0  # [m] thickness of the floor: the outlet's sides stand that high
 
     @property
     def outlet(self) -> tuple[float, float]:
@@ -54,7 +56,7 @@ class DischargeSettings:
     @property
     def shoulder(self) -> float:
         """Height at which the vertical walls begin [m]."""
-        return (self.length - self.opening) / 2 * math.tan(self.floor_angle)
+        return self.floor + (self.length - self.opening) / 2 * math.tan(self.floor_angle)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,6 +109,8 @@ def check_discharge(settings: DischargeSettings) -> None:
                 f"{name} = {inner:g} m must be positive and at most the box's {outer:g} m; "
                 "narrow the outlet or widen the box"
             )
+    if not settings.floor >= 0:
+        raise ConfigError(f"floor = {settings.floor:g} m must be at least 0; 0 is a thin floor")
     if not 0 <= settings.floor_angle < math.pi / 2:
         raise ConfigError(
             f"floor_angle = {settings.floor_angle:g} rad must be at least 0 and below pi/2; "
@@ -168,7 +172,8 @@ def discharge_samples(settings: DischargeSettings, portion: Portion, times: Arra
     flat = even_columns(-half, half, 2.0 * float(portion.grain.radii.max()))
     middles = (flat.edges[:-1] + flat.edges[1:]) / 2
     beside = np.maximum(np.abs(middles) - x / 2, 0.0)
-    columns = Columns(flat.edges, frozen(beside * math.tan(settings.floor_angle)))
+    floors = beside * math.tan(settings.floor_angle) + settings.floor * (beside > 0.0)
+    columns = Columns(flat.edges, frozen(floors))
     outlet = Plane(0.0, (-x / 2, x / 2, -y / 2, y / 2))
     return Samples(frozen(times), (outlet,), columns)
 
@@ -182,11 +187,12 @@ def hopper(settings: DischargeSettings, portion: Portion, top: float) -> Wall:
 def hopper_mesh(settings: DischargeSettings, top: float) -> Mesh:
     """The hopper's walls up to the height `top` [m], above the shoulder."""
     box = settings.length, settings.depth
-    corners = np.array(
-        rectangle(*settings.outlet, 0.0) + rectangle(*box, settings.shoulder) + rectangle(*box, top)
-    )
-    rings = np.arange(12).reshape(3, 4)
-    triangles = np.array(strip(rings[0], rings[1]) + strip(rings[1], rings[2]))
+    heights = [0.0, settings.floor] if settings.floor else [0.0]
+    levels = [rectangle(*settings.outlet, z) for z in heights]
+    levels += [rectangle(*box, settings.shoulder), rectangle(*box, top)]
+    corners = np.array([corner for level in levels for corner in level])
+    rings = np.arange(len(corners)).reshape(-1, 4)
+    triangles = np.array([t for a, b in pairwise(rings) for t in strip(a, b)])
     a, b, c = np.moveaxis(corners[triangles], 1, 0)
     areas = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
     # A flat bottom has no floor where the outlet takes the whole depth.

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from fidelity.effects.switch import is_on
 from fidelity.engine import Movement, Packing, Setup
 from fidelity.grains.filling import Portion, Rained
 from fidelity.grains.settings import DemSettings
@@ -116,8 +117,9 @@ class Discharge:
         assert packing is not None
         its, portion = built(self.settings, x), self.portion(x, dem)
         times = np.linspace(0.0, its.duration, self.settings.samples + 1)
+        gate_until = 0.0 if is_on(dem.effects, "slow_gate") else None
         return replace(
-            discharge_setup(its, portion, packing),
+            discharge_setup(its, portion, packing, gate_until=gate_until),
             samples=discharge_samples(its, portion, times),
             snapshot_times=frozen(np.linspace(0.0, 1.0, moments + 1)[:-1] * its.duration),
         )

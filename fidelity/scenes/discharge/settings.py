@@ -25,6 +25,7 @@ class Hopper(Settings):
     opening_mm: Millimetres = 30  # of the outlet along x
     opening_depth_mm: Millimetres | None = None  # along y; None: a slot, all the depth
     floor_angle_deg: Degrees = 0.0  # of the floor to the horizontal; 0: flat bottom
+    floor_mm: float = Field(default=0.0, ge=0.0, le=1000.0)  # thickness; the outlet is below
     fall_mm: Millimetres = 35  # from the outlet down to where grains are counted
     duration_ms: Milliseconds = 1500
     samples: int = Field(default=100, ge=1, le=10_000)  # moments of the quantities over time
@@ -73,6 +74,7 @@ class Hopper(Settings):
             opening=MILLI * values["opening"],
             opening_depth=None if slot else MILLI * values["opening_depth"],
             floor_angle=math.radians(values["floor_angle"]),
+            floor=MILLI * self.floor_mm,
             fall=MILLI * self.fall_mm,
             duration=MILLI * self.duration_ms,
         )

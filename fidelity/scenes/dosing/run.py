@@ -13,6 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fidelity.effects.kinds import PortionEffect
+from fidelity.effects.switch import effect_named, is_on
 from fidelity.engine import Grain, Material, Movement, Packing, Setup, Wall, WallMotion
 from fidelity.grains.grain import portion_grain
 from fidelity.grains.portion import depth_in_section, depth_inside
@@ -23,6 +25,7 @@ from fidelity.scenes.dosing.settings import DosingSettings
 from geometry.mesh import Mesh
 from geometry.parts import passage
 from mfopt.arrays import AnyArray, Array, frozen
+from mfopt.errors import ConfigError
 
 COLLAR = 2.5  # height of the simulated walls of the cup in heights of the cup
 CHORDAL_ERROR = 0.25  # [sphere radii] a mesh this fine is rougher than nothing that matters
@@ -54,7 +57,14 @@ def dosing_grain(settings: DosingSettings, dem: DemSettings) -> Grain:
 
 
 def cup_filling(settings: DosingSettings, dem: DemSettings, seed: int) -> CupFilling:
-    """The settled portion that a run of the level starts from."""
+    """The settled portion that a run of the level starts from.
+
+    Raises:
+        ConfigError: if an effect changes the grains, which the cup's filling does not know.
+    """
+    for name in dem.effects:
+        if isinstance(effect_named(name), PortionEffect) and is_on(dem.effects, name):
+            raise ConfigError(f"the scene dosing lacks the effect {name!r}; leave it out")
     grain, cup = dosing_grain(settings, dem), dosing_cup(settings)
     error = dem.chordal_error_mm
     return CupFilling(

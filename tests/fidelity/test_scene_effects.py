@@ -1,0 +1,76 @@
+"""Effects of a level act on its scene: on the grains, on the filling and on the run."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import mfopt
+from fidelity.engines.bullet.engine import BulletEngine
+from fidelity.grains.settings import DemSettings
+from fidelity.level import SceneLevel
+from fidelity.scenes.discharge.scene import Discharge
+from mfopt.errors import ConfigError
+from mfopt.study.load_scene import SceneRun
+
+NULLS: dict[str, dict[str, float]] = {
+    "rolling_resistance": {}, "cohesion": {}, "drag_linear": {}, "tilt": {}, "slow_gate": {},
+    "two_sizes": {}, "vibration": {},
+}  # fmt: skip
+
+
+def run(scene: str = "discharge", **numerics: Any) -> SceneRun:
+    its = mfopt.load_scene(scene)
+    return its.run(grains=150, spheres_per_grain=1, **numerics)
+
+
+@pytest.fixture(scope="module")
+def plain() -> SceneRun:
+    return run()
+
+
+def test_at_null_no_bit_of_a_discharge_changes(plain: SceneRun) -> None:
+    null = run(effects=NULLS)
+    for name, values in plain.outcome.raw.items():
+        if not name.startswith("settling"):
+            assert values.tobytes() == null.outcome.raw[name].tobytes(), name
+
+
+def half_time(its: SceneRun) -> float:
+    times, fraction = its.series["discharged fraction"]
+    return float(np.interp(0.5, fraction, times))
+
+
+def test_a_slow_gate_delays_the_discharge_by_about_half_its_time(plain: SceneRun) -> None:
+    slow = run(effects={"slow_gate": {"opening_time": 0.4}})
+    assert 0.1 < half_time(slow) - half_time(plain) < 0.5
+
+
+def test_rolling_resistance_holds_more_grains_back(plain: SceneRun) -> None:
+    rough = run(effects={"rolling_resistance": {"coefficient": 0.3}})
+    assert rough.quantities["mass left"] > plain.quantities["mass left"]
+
+
+def test_two_sizes_keep_the_mass_and_reach_the_outcome() -> None:
+    mixed = run(effects={"two_sizes": {"small_share": 0.5, "small_ratio": 0.6}})
+    assert mixed.outcome.raw["grains"] == 150
+    assert mixed.quantities["mass flow rate"] > 0.0
+
+
+def test_what_an_engine_or_scene_lacks_is_refused() -> None:
+    dem = DemSettings(grains=50, spheres_per_grain=1, effects={"tilt": {"angle": 0.1}})
+    with pytest.raises(ConfigError, match="engine bullet: it lacks the effect 'tilt'"):
+        SceneLevel("l", Discharge(), dem, BulletEngine())
+    with pytest.raises(ConfigError, match="unknown effect 'tilted'"):
+        run(effects={"tilted": {"angle": 0.1}})
+    with pytest.raises(ConfigError, match="dosing lacks the effect 'grain_aspect'"):
+        run("dosing", effects={"grain_aspect": {"aspect": 2.0}})
+
+
+def test_grains_below_the_top_of_a_thick_floor_have_not_left() -> None:
+    # A slot 20 mm deep holds 120 grains more than none: they count once they are below it.
+    thick = mfopt.load_scene("discharge", floor_mm=20).run(grains=150, spheres_per_grain=1)
+    thin = run()
+    level = {name: its.series["fill level"][1][0] for name, its in (("a", thick), ("b", thin))}
+    assert level["a"] - level["b"] == pytest.approx(0.020 * (1.0 - 30.0 / 120.0), abs=0.004)
+    assert thick.outcome.raw["lost"] == 0.0
