@@ -70,9 +70,11 @@ def _beside(result: Result, quantities: Sequence[Quantity]) -> str:
     for q in quantities:
         comparison, shown = result.quantities.get(q.name), Display(*q.shown)
         if comparison is not None and math.isfinite(comparison.median_best):
-            text = f"{q.name} {shown.full(comparison.median_best, 3)}"
+            best = shown.full(comparison.median_best, 3)
+            baseline = shown.full(comparison.median_baseline, 3)
+            text = f"{q.name} {best}"
             if math.isfinite(comparison.median_baseline):
-                text += f" instead of {shown.full(comparison.median_baseline, 3)}"
+                text += " like the baseline" if baseline == best else f" instead of {baseline}"
             said.append(text)
     return f"; {', '.join(said)}" if said else ""
 

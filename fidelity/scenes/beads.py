@@ -1,8 +1,106 @@
-"""The grains of scenes of the laboratory unless a study gives others."""
+"""What scenes of the laboratory have in common: beads in a vessel of a few free measures."""
 
-from fidelity.grains.settings import MaterialSettings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar
+
+from pydantic import Field, Strict, model_validator
+
+from fidelity.grains.filling import Portion
+from fidelity.grains.settings import STEEL, DemSettings, MaterialSettings
+from fidelity.scenes.portion import portion_of
+from mfopt.arrays import Array, frozen
+from mfopt.errors import ConfigError, InvalidDesign
+from mfopt.limits import DesignValue, Kilograms, Millimetres
+from mfopt.records.problem import Problem, Variable
+from mfopt.settings import Settings, nearest
 
 # Glass beads, softened for longer time steps.
 BEADS = MaterialSettings(
     young_modulus_pa=5e6, poisson_ratio=0.25, density_kg_m3=2500, friction_angle_deg=20
 )
+
+Bounds = Annotated[tuple[DesignValue, DesignValue], Strict(False)]  # TOML gives a list
+
+
+class Vessel(Settings):
+    """A vessel, the grains in it, and which of its measures are free."""
+
+    units: ClassVar[Mapping[str, str]]  # of every measure that can be free
+
+    portion_kg: Kilograms = 0.25
+    grain_length_mm: Millimetres = 5
+    grain_width_mm: Millimetres = 5
+    grain: MaterialSettings = BEADS
+    wall: MaterialSettings = STEEL
+    free: dict[str, Bounds] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "Vessel":
+        for name in self.free:
+            if name not in self.units:
+                raise ValueError(f"free: unknown measure {name!r}{nearest(name, self.units)}")
+        if self.grain_length_mm < self.grain_width_mm:
+            raise ValueError(
+                f"grain_length_mm = {self.grain_length_mm:g} must be at least "
+                f"grain_width_mm = {self.grain_width_mm:g}; exchange them"
+            )
+        return self
+
+    def values(self) -> dict[str, float]:
+        """Value of every measure that can be free, in its unit."""
+        raise NotImplementedError
+
+    def values_at(self, x: Array) -> dict[str, float]:
+        """Value of every measure at the design `x` (d,)."""
+        return {**self.values(), **dict(zip(self.free, map(float, x), strict=True))}
+
+    def portion(self, dem: DemSettings) -> Portion:
+        """The grains, as finely as a level resolves them."""
+        return portion_of(self.portion_kg, self.grain_length_mm, self.grain_width_mm,
+                          self.grain, self.wall, dem)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Possible:
+    """A hard constraint: the vessel can be built. A class, so that other processes can have it."""
+
+    settings: Vessel
+    build: Callable[[Any, Array], object]  # raises ConfigError where it cannot
+
+    def __call__(self, x: Array) -> str | None:
+        try:
+            self.build(self.settings, x)
+        except InvalidDesign as error:
+            return str(error)
+        return None
+
+
+def problem_of(
+    settings: Vessel, build: Callable[[Any, Array], object], objective_unit: str = "-"
+) -> Problem:
+    """The free measures as variables; their values in the settings are the baseline.
+
+    Raises:
+        ConfigError: if the baseline is out of bounds or impossible.
+    """
+    variables = tuple(
+        Variable(name, low, high, settings.units[name])
+        for name, (low, high) in settings.free.items()
+    )
+    values = settings.values()
+    baseline = frozen([values[name] for name in settings.free])
+    constraint = Possible(settings, build)
+    return Problem(variables, baseline, constraint, objective_unit=objective_unit)
+
+
+def checked_design(check: Callable[[], None]) -> None:
+    """Call the check of a scene; what it refuses is an impossible design.
+
+    Raises:
+        InvalidDesign: if it refuses.
+    """
+    try:
+        check()
+    except ConfigError as error:
+        raise InvalidDesign(str(error)) from error

@@ -12,13 +12,12 @@ from fidelity.grains.filling import Portion
 from fidelity.grains.settings import STEEL, DemSettings
 from fidelity.scene import Cycle
 from fidelity.scenes.beads import BEADS
-from fidelity.scenes.design import problem_of, values_at
 from fidelity.scenes.portion import portion_of
 from geometry.mesh import Mesh
 from mfopt.arrays import AnyArray, Array, frozen
 from mfopt.errors import ConfigError
 from mfopt.records.objective import Criteria, Objective, Quantity, Raw
-from mfopt.records.problem import Problem
+from mfopt.records.problem import Problem, Variable
 from mfopt.records.view import DesignView
 from mfopt.settings import Settings, checked
 
@@ -26,7 +25,7 @@ LENGTH = 0.2  # [m] of the ramp, along its slope
 
 
 class RampSettings(Settings):
-    """A ramp."""
+    """A ramp, whose slope is free."""
 
     slope_deg: float = 20.0
 
@@ -59,7 +58,7 @@ class Ramp:
         )
 
     def problem(self) -> Problem:
-        return problem_of({"slope": self.settings.slope_deg}, {"slope": (5, 60)}, {"slope": "deg"})
+        return Problem((Variable("slope", 5, 60, "deg"),), frozen([self.settings.slope_deg]))
 
     def starts(self, problem: Problem) -> Mapping[str, Array]:
         return {"baseline": problem.baseline}
@@ -108,7 +107,7 @@ class Ramp:
         return DesignView(label="", x=x, parts=parts)
 
     def meshes(self, x: Array) -> Mapping[str, Mesh]:
-        slope = np.radians(values_at({}, {"slope": (5, 60)}, x)["slope"])
+        slope = np.radians(x[0])
         along, up, half = LENGTH * np.cos(slope), LENGTH * np.sin(slope), 0.02
         corners = [[-0.01, -half, up], [along, -half, 0.0], [along, half, 0.0], [-0.01, half, up]]
         return {"ramp": Mesh(np.array(corners), np.array([[0, 1, 2], [0, 2, 3]]))}

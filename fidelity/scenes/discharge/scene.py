@@ -13,22 +13,19 @@ from fidelity.grains.filling import Portion, Rained
 from fidelity.grains.settings import DemSettings
 from fidelity.samples import level_means
 from fidelity.scene import Cycle
-from fidelity.scenes.design import problem_of, values_at
+from fidelity.scenes.beads import problem_of
 from fidelity.scenes.discharge import objectives
 from fidelity.scenes.discharge.run import (
-    DischargeSettings,
-    check_discharge,
     discharge_result,
     discharge_samples,
     discharge_setup,
     filling_setup,
     hopper_mesh,
 )
-from fidelity.scenes.discharge.settings import UNITS, Hopper
-from fidelity.scenes.portion import portion_of
+from fidelity.scenes.discharge.settings import Hopper, built
 from geometry.mesh import Mesh
 from mfopt.arrays import AnyArray, Array, frozen
-from mfopt.errors import ConfigError, InvalidDesign
+from mfopt.errors import ConfigError
 from mfopt.records.objective import Criteria
 from mfopt.records.problem import Problem
 from mfopt.records.view import DesignView
@@ -36,34 +33,6 @@ from mfopt.settings import checked
 
 WORK_SHARE = 0.6  # of the spheres move, on average: they leave one after the other
 LOOSEST = 0.5  # solid share of grains that were poured, for the height of a drawn hopper
-
-
-@dataclass(frozen=True, slots=True)
-class _Possible:
-    """The hard constraint; a class so that a problem can be sent to another process."""
-
-    settings: Hopper
-
-    def __call__(self, x: Array) -> str | None:
-        try:
-            built(self.settings, x)
-        except InvalidDesign as error:
-            return str(error)
-        return None
-
-
-def built(settings: Hopper, x: Array) -> DischargeSettings:
-    """The hopper of the design `x` (d,) [mm, deg].
-
-    Raises:
-        InvalidDesign: if it cannot be built.
-    """
-    its = settings.built(values_at(settings.values(), settings.free, x))
-    try:
-        check_discharge(its)
-    except ConfigError as error:
-        raise InvalidDesign(str(error)) from error
-    return its
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,8 +54,7 @@ class Discharge:
 
     def problem(self) -> Problem:
         """The free measures of the hopper."""
-        its = self.settings
-        return problem_of(its.values(), its.free, UNITS, constraint=_Possible(its))
+        return problem_of(self.settings, built)
 
     def starts(self, problem: Problem) -> Mapping[str, Array]:
         """The hopper as it is given."""
@@ -98,9 +66,7 @@ class Discharge:
 
     def portion(self, x: Array, dem: DemSettings) -> Portion:
         """The grains in the hopper."""
-        its = self.settings
-        return portion_of(its.portion_kg, its.grain_length_mm, its.grain_width_mm,
-                          its.grain, its.wall, dem)  # fmt: skip
+        return self.settings.portion(dem)
 
     def cycle(self, x: Array) -> Cycle:
         """The run, from the opening of the gate."""

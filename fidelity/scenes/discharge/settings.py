@@ -1,24 +1,25 @@
 """Settings of the discharge scene, as a study file gives them; units are in the names."""
 
 import math
-from typing import Annotated
+from collections.abc import Mapping
+from typing import ClassVar
 
-from pydantic import Field, Strict, model_validator
+from pydantic import Field, model_validator
 
-from fidelity.grains.settings import STEEL, MaterialSettings
-from fidelity.scenes.beads import BEADS
-from fidelity.scenes.discharge.run import DischargeSettings
-from mfopt.limits import Degrees, DesignValue, Kilograms, Millimetres, Milliseconds
-from mfopt.settings import Settings, nearest
-
-MILLI = 1e-3
-Bounds = Annotated[tuple[DesignValue, DesignValue], Strict(False)]  # TOML gives a list
-UNITS = {"opening": "mm", "opening_depth": "mm", "floor_angle": "deg", "length": "mm",
-         "depth": "mm"}  # fmt: skip
+from fidelity.scenes.beads import Bounds, Vessel, checked_design
+from fidelity.scenes.discharge.run import DischargeSettings, check_discharge
+from fidelity.scenes.portion import MILLI
+from mfopt.arrays import Array
+from mfopt.limits import Degrees, Millimetres, Milliseconds
 
 
-class Hopper(Settings):
-    """A hopper of rectangular section, what is in it, and which of its measures are free."""
+class Hopper(Vessel):
+    """A hopper of rectangular section."""
+
+    units: ClassVar[Mapping[str, str]] = {
+        "opening": "mm", "opening_depth": "mm", "floor_angle": "deg", "length": "mm",
+        "depth": "mm",
+    }  # fmt: skip
 
     length_mm: Millimetres = 120  # of the box along x
     depth_mm: Millimetres = 30  # along y
@@ -29,28 +30,15 @@ class Hopper(Settings):
     fall_mm: Millimetres = 35  # from the outlet down to where grains are counted
     duration_ms: Milliseconds = 1500
     samples: int = Field(default=100, ge=1, le=10_000)  # moments of the quantities over time
-    portion_kg: Kilograms = 0.25
-    grain_length_mm: Millimetres = 5
-    grain_width_mm: Millimetres = 5
-    grain: MaterialSettings = BEADS
-    wall: MaterialSettings = STEEL
     free: dict[str, Bounds] = Field(
         default_factory=lambda: {"opening": (20.0, 60.0), "floor_angle": (0.0, 70.0)}, min_length=1
     )
 
     @model_validator(mode="after")
-    def _known(self) -> "Hopper":
-        for name in self.free:
-            if name not in UNITS:
-                raise ValueError(f"free: unknown measure {name!r}{nearest(name, UNITS)}")
+    def _has_depth(self) -> "Hopper":
         if "opening_depth" in self.free and self.opening_depth_mm is None:
             raise ValueError(
                 "free.opening_depth needs a value of opening_depth_mm to start from; give one"
-            )
-        if self.grain_length_mm < self.grain_width_mm:
-            raise ValueError(
-                f"grain_length_mm = {self.grain_length_mm:g} must be at least "
-                f"grain_width_mm = {self.grain_width_mm:g}; exchange them"
             )
         return self
 
@@ -65,16 +53,23 @@ class Hopper(Settings):
             "floor_angle": self.floor_angle_deg,
         }
 
-    def built(self, values: dict[str, float]) -> DischargeSettings:
-        """The hopper with these measures [mm, deg], in SI units."""
-        slot = self.opening_depth_mm is None
-        return DischargeSettings(
-            length=MILLI * values["length"],
-            depth=MILLI * values["depth"],
-            opening=MILLI * values["opening"],
-            opening_depth=None if slot else MILLI * values["opening_depth"],
-            floor_angle=math.radians(values["floor_angle"]),
-            floor=MILLI * self.floor_mm,
-            fall=MILLI * self.fall_mm,
-            duration=MILLI * self.duration_ms,
-        )
+
+def built(settings: Hopper, x: Array) -> DischargeSettings:
+    """The hopper of the design `x` (d,) [mm, deg], in SI units.
+
+    Raises:
+        InvalidDesign: if it cannot be built.
+    """
+    values, slot = settings.values_at(x), settings.opening_depth_mm is None
+    hopper = DischargeSettings(
+        length=MILLI * values["length"],
+        depth=MILLI * values["depth"],
+        opening=MILLI * values["opening"],
+        opening_depth=None if slot else MILLI * values["opening_depth"],
+        floor_angle=math.radians(values["floor_angle"]),
+        floor=MILLI * settings.floor_mm,
+        fall=MILLI * settings.fall_mm,
+        duration=MILLI * settings.duration_ms,
+    )
+    checked_design(lambda: check_discharge(hopper))
+    return hopper

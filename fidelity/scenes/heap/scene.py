@@ -4,17 +4,16 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
-from pydantic import Field, Strict, model_validator
+from pydantic import Field
 
 from fidelity.engine import Movement, Packing, Setup
 from fidelity.grains.filling import Portion, Rained
-from fidelity.grains.settings import STEEL, DemSettings, MaterialSettings
+from fidelity.grains.settings import DemSettings
 from fidelity.scene import Cycle
-from fidelity.scenes.beads import BEADS
-from fidelity.scenes.design import problem_of, values_at
+from fidelity.scenes.beads import Bounds, Vessel, checked_design, problem_of
 from fidelity.scenes.heap.run import (
     HeapSettings,
     check_heap,
@@ -24,45 +23,33 @@ from fidelity.scenes.heap.run import (
     heap_setup,
     plate_mesh,
 )
-from fidelity.scenes.portion import MILLI, portion_of
+from fidelity.scenes.portion import MILLI
 from geometry.mesh import Mesh
 from mfopt.arrays import AnyArray, Array, frozen
-from mfopt.errors import ConfigError, InvalidDesign
-from mfopt.limits import Degrees, DesignValue, Kilograms, Millimetres, Milliseconds
+from mfopt.errors import ConfigError
+from mfopt.limits import Degrees, Millimetres, Milliseconds
 from mfopt.records.objective import Criteria, Objective, Quantity, Raw
 from mfopt.records.problem import Problem
 from mfopt.records.view import DesignView
-from mfopt.settings import Settings, checked, nearest
+from mfopt.settings import Settings, checked
 
-UNITS = {"radius": "mm", "lift_speed": "mm/s"}
 WORK_SHARE = 1.0  # all spheres stay
 HEIGHT = 2.0  # of the drawn cylinder in its radius
-Bounds = Annotated[tuple[DesignValue, DesignValue], Strict(False)]  # TOML gives a list
 
 
-class Cylinder(Settings):
-    """A cylinder full of grains on a plate."""
+class Cylinder(Vessel):
+    """A cylinder on a plate."""
+
+    units: ClassVar[Mapping[str, str]] = {"radius": "mm", "lift_speed": "mm/s"}
 
     radius_mm: Millimetres = 40
     lift_speed_mm_s: float = Field(default=100, ge=1.0, le=10_000.0)
     lift_height_mm: Millimetres = 150
     plate_mm: Millimetres = 400  # side of the plate
     rest_ms: Milliseconds = 300  # from the end of the lift to that of the run
-    portion_kg: Kilograms = 0.25
-    grain_length_mm: Millimetres = 5
-    grain_width_mm: Millimetres = 5
-    grain: MaterialSettings = BEADS
-    wall: MaterialSettings = STEEL
     free: dict[str, Bounds] = Field(
         default_factory=lambda: {"lift_speed": (20.0, 400.0)}, min_length=1
     )
-
-    @model_validator(mode="after")
-    def _known(self) -> "Cylinder":
-        for name in self.free:
-            if name not in UNITS:
-                raise ValueError(f"free: unknown measure {name!r}{nearest(name, UNITS)}")
-        return self
 
     def values(self) -> dict[str, float]:
         """Value of every measure that can be free [mm, mm/s]."""
@@ -75,39 +62,22 @@ class Wanted(Settings):
     angle_deg: Degrees = 25.0  # of repose, that is wanted
 
 
-@dataclass(frozen=True, slots=True)
-class _Possible:
-    """The hard constraint; a class so that a problem can be sent to another process."""
-
-    settings: Cylinder
-
-    def __call__(self, x: Array) -> str | None:
-        try:
-            built(self.settings, x)
-        except InvalidDesign as error:
-            return str(error)
-        return None
-
-
 def built(settings: Cylinder, x: Array) -> HeapSettings:
     """The cylinder of the design `x` (d,) [mm, mm/s].
 
     Raises:
         InvalidDesign: if it cannot be built.
     """
-    values = values_at(settings.values(), settings.free, x)
-    its = HeapSettings(
+    values = settings.values_at(x)
+    heap = HeapSettings(
         radius=MILLI * values["radius"],
         plate=MILLI * settings.plate_mm,
         lift_speed=MILLI * values["lift_speed"],
         lift_height=MILLI * settings.lift_height_mm,
         rest=MILLI * settings.rest_ms,
     )
-    try:
-        check_heap(its)
-    except ConfigError as error:
-        raise InvalidDesign(str(error)) from error
-    return its
+    checked_design(lambda: check_heap(heap))
+    return heap
 
 
 def _angle(raw: Raw) -> float:
@@ -144,10 +114,7 @@ class Heap:
 
     def problem(self) -> Problem:
         """The free measures."""
-        its = self.settings
-        return problem_of(
-            its.values(), its.free, UNITS, constraint=_Possible(its), objective_unit="rad"
-        )
+        return problem_of(self.settings, built, objective_unit="rad")
 
     def starts(self, problem: Problem) -> Mapping[str, Array]:
         """The cylinder as it is given."""
@@ -172,9 +139,7 @@ class Heap:
 
     def portion(self, x: Array, dem: DemSettings) -> Portion:
         """The grains in the cylinder."""
-        its = self.settings
-        return portion_of(its.portion_kg, its.grain_length_mm, its.grain_width_mm,
-                          its.grain, its.wall, dem)  # fmt: skip
+        return self.settings.portion(dem)
 
     def cycle(self, x: Array) -> Cycle:
         """Lift and rest."""

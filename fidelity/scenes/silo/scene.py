@@ -3,57 +3,50 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
-from pydantic import Field, Strict, model_validator
+from pydantic import Field
 
 from fidelity.engine import Movement, Packing, Setup
 from fidelity.grains.filling import Portion, filling_time, rectangle, strip
-from fidelity.grains.settings import STEEL, DemSettings, MaterialSettings
+from fidelity.grains.settings import DemSettings
 from fidelity.scene import Cycle
-from fidelity.scenes.beads import BEADS
-from fidelity.scenes.design import problem_of, values_at
-from fidelity.scenes.portion import MILLI, portion_of
+from fidelity.scenes.beads import Bounds, Vessel, problem_of
+from fidelity.scenes.portion import MILLI
 from fidelity.scenes.silo.run import SiloSettings, silo_load, silo_setup
 from geometry.mesh import Mesh
 from mfopt.arrays import AnyArray, Array
 from mfopt.errors import ConfigError
-from mfopt.limits import DesignValue, Kilograms, Millimetres, Milliseconds
+from mfopt.limits import Kilograms, Millimetres, Milliseconds
 from mfopt.records.objective import Criteria, Objective, Quantity, Raw
 from mfopt.records.problem import Problem
 from mfopt.records.view import DesignView
-from mfopt.settings import Settings, checked, nearest
+from mfopt.settings import Settings, checked
 
-UNITS = {"width": "mm"}
 WORK_SHARE = 1.0  # all spheres stay
 LOOSE = 0.35  # solid share of the grains before they fall, to predict how long they do
 POURED = 0.55  # and after it
-Bounds = Annotated[tuple[DesignValue, DesignValue], Strict(False)]  # TOML gives a list
 
 
-class Box(Settings):
-    """A box of square section on a floor, and what is in it."""
+class Box(Vessel):
+    """A box of square section on a floor."""
+
+    units: ClassVar[Mapping[str, str]] = {"width": "mm"}
 
     width_mm: Millimetres = 60
     rest_ms: Milliseconds = 100  # after the time in which the grains come to rest
     portion_kg: Kilograms = 1.0
-    grain_length_mm: Millimetres = 5
-    grain_width_mm: Millimetres = 5
-    grain: MaterialSettings = BEADS
-    wall: MaterialSettings = STEEL
     free: dict[str, Bounds] = Field(default_factory=lambda: {"width": (40.0, 100.0)}, min_length=1)
-
-    @model_validator(mode="after")
-    def _known(self) -> "Box":
-        for name in self.free:
-            if name not in UNITS:
-                raise ValueError(f"free: unknown measure {name!r}{nearest(name, UNITS)}")
-        return self
 
     def values(self) -> dict[str, float]:
         """Value of every measure that can be free [mm]."""
         return {"width": self.width_mm}
+
+
+def built(settings: Box, x: Array) -> SiloSettings:
+    """The silo of the design `x` (d,) [mm]."""
+    return SiloSettings(MILLI * settings.values_at(x)["width"], MILLI * settings.rest_ms)
 
 
 class Wanted(Settings):
@@ -89,7 +82,7 @@ class Silo:
 
     def problem(self) -> Problem:
         """The free measures."""
-        return problem_of(self.settings.values(), self.settings.free, UNITS)
+        return problem_of(self.settings, built)
 
     def starts(self, problem: Problem) -> Mapping[str, Array]:
         """The box as it is given."""
@@ -110,9 +103,7 @@ class Silo:
 
     def portion(self, x: Array, dem: DemSettings) -> Portion:
         """The grains in the box."""
-        its = self.settings
-        return portion_of(its.portion_kg, its.grain_length_mm, its.grain_width_mm,
-                          its.grain, its.wall, dem)  # fmt: skip
+        return self.settings.portion(dem)
 
     def cycle(self, x: Array) -> Cycle:
         """Fall and rest."""
@@ -127,7 +118,7 @@ class Silo:
         self, x: Array, dem: DemSettings, packing: Packing | None, seed: int, moments: int
     ) -> Setup:
         """Loose grains above the floor."""
-        return silo_setup(self._built(x), self.portion(x, dem), seed)
+        return silo_setup(built(self.settings, x), self.portion(x, dem), seed)
 
     def results(
         self, x: Array, dem: DemSettings, setup: Setup, movement: Movement, seed: int
@@ -159,7 +150,7 @@ class Silo:
 
     def meshes(self, x: Array) -> Mapping[str, Mesh]:
         """The side walls, as high as the grains stand."""
-        width, height = self._built(x).width, self._height(x, POURED)
+        width, height = built(self.settings, x).width, self._height(x, POURED)
         corners = np.array(rectangle(width, width, 0.0) + rectangle(width, width, height))
         return {"sides": Mesh(corners, np.array(strip(np.arange(4), np.arange(4, 8))))}
 
@@ -171,11 +162,7 @@ class Silo:
         """
         raise ConfigError("the scene silo writes no STEP file; its sides are in sides.stl")
 
-    def _built(self, x: Array) -> SiloSettings:
-        values = values_at(self.settings.values(), self.settings.free, x)
-        return SiloSettings(MILLI * values["width"], MILLI * self.settings.rest_ms)
-
     def _height(self, x: Array, solid: float) -> float:
         """Height [m] that the grains fill, at a solid share."""
         its = self.settings
-        return its.portion_kg / its.grain.density_kg_m3 / solid / self._built(x).width ** 2
+        return its.portion_kg / its.grain.density_kg_m3 / solid / built(self.settings, x).width ** 2
