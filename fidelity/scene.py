@@ -5,7 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Protocol
 
-from fidelity.engine import Movement, Packing, Setup
+import numpy as np
+
+from fidelity.engine import Grain, Movement, Packing, Setup
 from fidelity.grains.filling import Portion
 from fidelity.grains.packing import Filling
 from fidelity.grains.settings import DemSettings
@@ -113,3 +115,14 @@ class Scene(Protocol):
         Raises:
             ConfigError: if the scene has none, or the extra `cad` is missing.
         """
+
+
+def drawn(x: Array, meshes: Mapping[str, Mesh], grain: Grain | None, **more: Any) -> DesignView:
+    """A view of a design: its parts, the grain of the target level if it has one, and more."""
+    return DesignView(
+        x,
+        parts={name: (mesh.vertices, mesh.triangles) for name, mesh in meshes.items()},
+        grain_offsets=np.empty((0, 3)) if grain is None else grain.offsets,
+        grain_radii=np.empty(0) if grain is None else grain.radii,
+        **more,
+    )

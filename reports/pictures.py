@@ -8,6 +8,7 @@ import numpy as np
 
 from mfopt.arrays import AnyArray, Array
 from mfopt.records.view import Colour, DesignView, Mesh
+from mfopt.rotation import rotate
 from reports import charts, raster
 
 GREY = (0.7, 0.7, 0.7)  # of parts without a colour
@@ -109,13 +110,6 @@ def _grains(
         raster.blank(view), view, centres, radii, np.repeat(colours[there], k, axis=0)
     )
     return raster.finish(picture)
-
-
-def rotate(quaternions: Array, offsets: Array) -> Array:
-    """Turn offsets (k, 3) by each unit quaternion w, x, y, z (n, 4); gives (n, k, 3)."""
-    w, v = quaternions[:, None, :1], quaternions[:, None, 1:]
-    twice = 2.0 * np.cross(v, offsets[None])
-    return np.asarray(offsets[None] + w * twice + np.cross(v, twice))
 
 
 def wall_lines(design: DesignView, time: float) -> Array:

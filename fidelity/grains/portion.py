@@ -11,6 +11,7 @@ from fidelity.engine import Grain, Packing, sizes
 from geometry.sections import Section
 from mfopt.arrays import Array, frozen
 from mfopt.errors import SimulationError
+from mfopt.rotation import rotate
 
 CLEARANCE = 1.02  # times the grain width between layers, and between grains of one layer
 TRIES_IN_VAIN = 100  # in a row, then the layer is full: fills about half of its area
@@ -105,9 +106,7 @@ def depth_inside(shapes: Array, points: Array) -> Array:
 
 def sphere_centres(grain: Grain, packing: Packing) -> Array:
     """Centres of all spheres (n, k, 3) [m]."""
-    w, vector = packing.orientations[:, None, :1], packing.orientations[:, None, 1:]
-    twist = 2 * np.cross(vector, grain.offsets)
-    turned = grain.offsets + w * twist + np.cross(vector, twist)
+    turned = rotate(packing.orientations, grain.offsets)
     if packing.scales is not None:
         turned = packing.scales[:, None, None] * turned
     return np.asarray(packing.positions[:, None] + turned)

@@ -22,8 +22,8 @@ class DesignView:
     x points along the motion, z up. Whatever is left empty, the report leaves out.
     """
 
-    label: str
     x: Array  # (d,) physical units
+    label: str = ""
     parts: Mapping[str, Mesh] = field(default_factory=dict)  # as they stand at time 0
     colours: Mapping[str, Colour] = field(default_factory=dict)  # of parts; others are grey
     translucent: Mapping[str, float] = field(default_factory=dict)  # parts that would hide others

@@ -101,7 +101,7 @@ class SceneRun:
 
         columns = self.series
         times = np.unique(np.concatenate([t for t, _ in columns.values()] or [np.empty(0)]))
-        made = {f"{name}": np.interp(times, t, v) for name, (t, v) in columns.items()}
+        made = {name: np.interp(times, t, v) for name, (t, v) in columns.items()}
         return DataFrame({"time [s]": times, **made}).set_index("time [s]")
 
     def plot(self) -> "Figure":

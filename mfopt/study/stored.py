@@ -3,7 +3,6 @@
 from pathlib import Path
 
 from mfopt.campaign.store import RunDirectory, open_run
-from mfopt.records.objective import OWN, Criteria
 from mfopt.study.assemble import scene_of
 from mfopt.study.file import Study, study_of
 
@@ -19,8 +18,9 @@ def open_stored(path: Path) -> RunDirectory:
     if study is None:
         return run
     scene = scene_of(study.problem, str(run.study_file))
-    criteria: Criteria = OWN if scene is None else scene.criteria()
-    return open_run(path, criteria)
+    if scene is not None:
+        run.criteria = scene.criteria()
+    return run
 
 
 def study_of_run(run: RunDirectory) -> Study | None:

@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 from mfopt.arrays import Array
 from mfopt.campaign.store import RunDirectory
 from mfopt.records.view import DesignView
-from reports.pictures import rotate, section, shapes, snapshots, wall_lines
+from mfopt.rotation import rotate
+from reports.pictures import section, shapes, snapshots, wall_lines
 from reports.result import result
 from reports.rows import read_rows
 

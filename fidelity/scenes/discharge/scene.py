@@ -12,7 +12,7 @@ from fidelity.engine import Movement, Packing, Setup
 from fidelity.grains.filling import Portion, Rained
 from fidelity.grains.settings import DemSettings
 from fidelity.samples import level_means
-from fidelity.scene import Cycle
+from fidelity.scene import Cycle, drawn
 from fidelity.scenes.beads import problem_of
 from fidelity.scenes.discharge import objectives
 from fidelity.scenes.discharge.run import (
@@ -130,13 +130,11 @@ class Discharge:
         its = built(self.settings, x)
         steep = np.degrees(its.floor_angle)
         grain = None if dem is None else self.portion(x, dem).grain
-        return DesignView(
-            label="",
-            x=x,
-            parts={name: (m.vertices, m.triangles) for name, m in self.meshes(x).items()},
+        return drawn(
+            x,
+            self.meshes(x),
+            grain,
             notes=(f"The floor stands at {steep:.0f}° to the horizontal.",),
-            grain_offsets=np.empty((0, 3)) if grain is None else grain.offsets,
-            grain_radii=np.empty(0) if grain is None else grain.radii,
         )
 
     def meshes(self, x: Array) -> Mapping[str, Mesh]:

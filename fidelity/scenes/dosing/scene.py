@@ -6,12 +6,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
-import numpy as np
-
 from fidelity.engine import Movement, Packing, Setup
 from fidelity.grains.filling import Portion
 from fidelity.grains.settings import DemSettings
-from fidelity.scene import Cycle
+from fidelity.scene import Cycle, drawn
 from fidelity.scenes.dosing import objectives
 from fidelity.scenes.dosing.bound import filling_time_bound, smallest_filling_time_bound
 from fidelity.scenes.dosing.design import (
@@ -121,15 +119,14 @@ class Dosing:
         """Machine, motion, bounds and how it can be made."""
         machine, motion = design(self.settings, x), cup_motion(self.settings, x)
         grain = None if dem is None else dosing_grain(self.settings, dem)
-        no_grain = np.empty((0, 3))
         law = machine.motion
         bound = _finite(filling_time_bound(machine))
         bound_any = _finite(smallest_filling_time_bound(self.settings))
         points = {"P1": (law.x1, law.y1), "P2": (law.x2, law.y2)}
-        return DesignView(
-            label="",
-            x=x,
-            parts={name: (m.vertices, m.triangles) for name, m in self.meshes(x).items()},
+        return drawn(
+            x,
+            self.meshes(x),
+            grain,
             colours=COLOURS,
             translucent=TRANSLUCENT,
             backdrop=frozenset({"plate"}),
@@ -148,8 +145,6 @@ class Dosing:
             bound_note=_bound_note(bound, bound_any),
             counted_at="the tube's end",
             clock="the start of the cycle",
-            grain_offsets=no_grain if grain is None else grain.offsets,
-            grain_radii=no_grain[:, 0] if grain is None else grain.radii,
         )
 
     def meshes(self, x: Array) -> Mapping[str, Mesh]:

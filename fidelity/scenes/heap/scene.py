@@ -12,7 +12,7 @@ from pydantic import Field
 from fidelity.engine import Movement, Packing, Setup
 from fidelity.grains.filling import Portion, Rained
 from fidelity.grains.settings import DemSettings
-from fidelity.scene import Cycle
+from fidelity.scene import Cycle, drawn
 from fidelity.scenes.beads import Bounds, Vessel, checked_design, problem_of
 from fidelity.scenes.heap.run import (
     HeapSettings,
@@ -181,13 +181,7 @@ class Heap:
     def view(self, x: Array, dem: DemSettings | None) -> DesignView:
         """Cylinder and plate, and the grains of the target level."""
         grain = None if dem is None else self.portion(x, dem).grain
-        return DesignView(
-            label="",
-            x=x,
-            parts={name: (m.vertices, m.triangles) for name, m in self.meshes(x).items()},
-            grain_offsets=np.empty((0, 3)) if grain is None else grain.offsets,
-            grain_radii=np.empty(0) if grain is None else grain.radii,
-        )
+        return drawn(x, self.meshes(x), grain)
 
     def meshes(self, x: Array) -> Mapping[str, Mesh]:
         """Cylinder and plate."""

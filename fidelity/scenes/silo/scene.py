@@ -11,7 +11,7 @@ from pydantic import Field
 from fidelity.engine import Movement, Packing, Setup
 from fidelity.grains.filling import Portion, filling_time, rectangle, strip
 from fidelity.grains.settings import DemSettings
-from fidelity.scene import Cycle
+from fidelity.scene import Cycle, drawn
 from fidelity.scenes.beads import Bounds, Vessel, problem_of
 from fidelity.scenes.portion import MILLI
 from fidelity.scenes.silo.run import SiloSettings, silo_load, silo_setup
@@ -140,13 +140,7 @@ class Silo:
     def view(self, x: Array, dem: DemSettings | None) -> DesignView:
         """The box, and the grains of the target level."""
         grain = None if dem is None else self.portion(x, dem).grain
-        return DesignView(
-            label="",
-            x=x,
-            parts={name: (m.vertices, m.triangles) for name, m in self.meshes(x).items()},
-            grain_offsets=np.empty((0, 3)) if grain is None else grain.offsets,
-            grain_radii=np.empty(0) if grain is None else grain.radii,
-        )
+        return drawn(x, self.meshes(x), grain)
 
     def meshes(self, x: Array) -> Mapping[str, Mesh]:
         """The side walls, as high as the grains stand."""
