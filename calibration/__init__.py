@@ -1,1 +1,1 @@
-"""Recordings, parameter fits and missing physics; empty so far."""
+"""Recordings of experiments, and simulations fitted to them."""

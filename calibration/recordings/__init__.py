@@ -1,0 +1,1 @@
+"""Recordings of experiments: a folder of CSV files and a `case.toml`, read and checked."""
