@@ -232,6 +232,11 @@ class Setup:
             check_samples(self.samples, duration=self.duration, exit_z=self.exit_z)
 
 
+def smallest_radius(setup: Setup) -> float:
+    """Radius [m] of the smallest sphere of all grains."""
+    return float(np.min(sizes(setup.packing)) * np.min(setup.grain.radii))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Movement:
     """What became of the grains. On failure, `status` and `why` say what happened."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fidelity.engine import WallMotion
+from fidelity.engine import Setup, WallMotion
 from mfopt.arrays import Array
 
 
@@ -40,3 +40,11 @@ def top_speed(motion: WallMotion | None, vertices: Array) -> float:
         reach = float(np.max(np.linalg.norm(arms, axis=1)))  # from the axis [m]
         speeds = speeds + reach * np.abs(np.diff(motion.angles)) / spans
     return float(np.max(speeds))
+
+
+def given_speed(setup: Setup) -> float:
+    """Largest speed [m/s] that the setup gives a wall, or a grain at the start."""
+    fastest = [top_speed(wall.motion, wall.vertices) for wall in setup.walls]
+    if setup.velocities is not None:
+        fastest.append(float(np.max(np.linalg.norm(setup.velocities, axis=1))))
+    return max(fastest, default=0.0)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from fidelity.engine import BodyForce, Material, Packing, Physics, Setup, Wall, WallMotion
+from fidelity.engines.elsewhere import failed_movement
 from fidelity.engines.exchange import (
-    failed_movement,
     read_movement,
     read_setup,
     write_movement,
@@ -92,16 +92,14 @@ def test_a_setup_comes_back_exactly(tmp_path: Path, full: bool) -> None:
 def test_a_setup_is_readable_with_plain_numpy_and_json(tmp_path: Path) -> None:
     setup = a_setup(full=True)
     write_setup(setup, tmp_path)
-    scalars = json.loads((tmp_path / "setup.json").read_text(encoding="utf-8"))
-    assert [wall["name"] for wall in scalars["walls"]] == ["cup", "lid", "plate"]
-    assert [wall["material"]["friction_angle"] for wall in scalars["walls"]] == [0.3, 0.9, 0.3]
-    assert scalars["walls"][1]["motion"] == {"axis": [0.6, 0.0, 0.8], "pivot": [0.1, 0.2, 0.3]}
-    assert scalars["walls"][2]["motion"] is None
+    packed = json.loads((tmp_path / "setup.json").read_text(encoding="utf-8"))["fields"]["setup"]
+    assert packed["record"] == "Setup"
+    cup, lid, _ = (wall["fields"] for wall in packed["fields"]["walls"])
+    assert cup["name"] == "cup"
+    assert lid["material"]["fields"]["friction_angle"] == 0.9
+    assert lid["motion"]["fields"]["axis"] == [0.6, 0.0, 0.8]
     with np.load(tmp_path / "setup.npz", allow_pickle=False) as arrays:
-        np.testing.assert_array_equal(arrays["wall_vertices_1"], setup.walls[1].vertices)
-        assert arrays["wall_displacements_0"].shape == (5, 3)
-        assert {name for name in arrays.files if "wall_angles" in name} == {"wall_angles_1"}
-        assert arrays["positions"].shape == arrays["velocities"].shape == (6, 3)
+        np.testing.assert_array_equal(arrays[cup["vertices"]["array"]], setup.walls[0].vertices)
 
 
 def test_a_movement_comes_back_exactly(tmp_path: Path) -> None:
@@ -138,4 +136,11 @@ def test_a_missing_or_torn_result_is_none(tmp_path: Path) -> None:
     write_movement(failed_movement(a_setup(full=False), "crashed", "", cpu_s=0.0), tmp_path)
     whole = (tmp_path / "result.npz").read_bytes()
     (tmp_path / "result.npz").write_bytes(whole[: len(whole) // 2])
+    assert read_movement(tmp_path, cpu_s=0.0) is None
+
+
+def test_a_result_that_is_no_movement_is_none(tmp_path: Path) -> None:
+    write_setup(a_setup(full=False), tmp_path)
+    for kind in ("json", "npz"):
+        (tmp_path / f"setup.{kind}").rename(tmp_path / f"result.{kind}")
     assert read_movement(tmp_path, cpu_s=0.0) is None

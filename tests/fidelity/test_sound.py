@@ -19,7 +19,7 @@ from engine_scenes import (
 )
 
 from fidelity.engine import Engine, Packing, Wall, WallMotion, checked
-from fidelity.engines.exchange import failed_movement
+from fidelity.engines.elsewhere import failed_movement
 from mfopt.errors import ConfigError
 
 GRAIN, PILE = line_of(3), lattice(4, across=2, z=R)

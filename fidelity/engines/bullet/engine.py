@@ -11,13 +11,12 @@ import importlib.metadata
 import importlib.util
 import sys
 from dataclasses import dataclass
+from pathlib import Path
 
-from fidelity.engine import Grain, Material, Movement, Physics, Setup, checked
-from fidelity.engines.exchange import failed_movement, read_movement, write_setup
+from fidelity.engine import Grain, Material, Movement, Physics, Setup
+from fidelity.engines.elsewhere import move_elsewhere
 from fidelity.engines.refuse import refuse, refuse_walls
-from fidelity.programs.process import run_logged
 from mfopt.errors import ConfigError
-from mfopt.files.scratch import scratch
 
 LAST_PYTHON = (3, 11)  # that PyBullet has a wheel for
 
@@ -81,24 +80,15 @@ class BulletEngine:
         """
         refuse(self.name, setup.physics, lacks=LACKS)
         refuse_walls(self.name, setup.walls)
-        with scratch() as directory:
-            settings = {"timestep": self.timestep_s, "iterations": self.iterations}
-            write_setup(setup, directory, settings)
-            ended = run_logged(
-                [sys.executable, "-m", "fidelity.engines.bullet.script", str(directory)],
-                directory=directory,
-                time_limit_s=time_limit_s,
-            )
-            movement = read_movement(directory, cpu_s=ended.cpu_s)
-        if ended.timed_out:
-            why = f"not ready within the time limit of {time_limit_s:g} s"
-            return failed_movement(setup, "timed_out", why, cpu_s=ended.cpu_s)
-        if ended.returncode != 0 or movement is None:
-            why = f"Bullet ended with {ended.returncode}; last lines of its log:"
-            return failed_movement(
-                setup, "crashed", f"{why}\n{ended.last_lines}", cpu_s=ended.cpu_s
-            )
-        return checked(movement)
+        settings = {"timestep": self.timestep_s, "iterations": self.iterations}
+        return move_elsewhere(
+            setup, settings, _command, lambda ended: f"Bullet ended with {ended.returncode}",
+            time_limit_s=time_limit_s,
+        )  # fmt: skip
+
+
+def _command(directory: Path) -> list[str]:
+    return [sys.executable, "-m", "fidelity.engines.bullet.script", str(directory)]
 
 
 def remedy(python: tuple[int, int]) -> str:

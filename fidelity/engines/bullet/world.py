@@ -13,7 +13,16 @@ from typing import Any
 
 import numpy as np
 
-from fidelity.engine import Grain, Material, Physics, Setup, Wall, WallMotion, sizes
+from fidelity.engine import (
+    Grain,
+    Material,
+    Physics,
+    Setup,
+    Wall,
+    WallMotion,
+    sizes,
+    smallest_radius,
+)
 from fidelity.engines.wall_motion import angle_at, shift_at
 from mfopt.arrays import Array, IntArray
 
@@ -170,11 +179,6 @@ def _grain_shape(p: Any, grain: Grain, scale: float) -> int:
             collisionFramePositions=(scale * grain.offsets * LENGTH_SCALE).tolist(),
         )
     )
-
-
-def smallest_radius(setup: Setup) -> float:
-    """Radius [m] of the smallest sphere of all grains."""
-    return float(np.min(sizes(setup.packing)) * np.min(setup.grain.radii))
 
 
 def start(setup: Setup) -> tuple[Array, Array]:

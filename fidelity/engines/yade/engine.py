@@ -8,12 +8,11 @@ from functools import cache
 from pathlib import Path
 from typing import Literal
 
-from fidelity.engine import Grain, Material, Movement, Physics, Setup, checked, sizes
-from fidelity.engines.exchange import failed_movement, read_movement, write_setup
+from fidelity.engine import Grain, Material, Movement, Physics, Setup, sizes
+from fidelity.engines.elsewhere import move_elsewhere
 from fidelity.engines.refuse import refusal, refuse
-from fidelity.programs.process import Ended, run_logged
+from fidelity.programs.process import Ended
 from mfopt.errors import ConfigError
-from mfopt.files.scratch import scratch
 
 Precision = Literal["double", "longdouble", "float128"]
 
@@ -99,19 +98,13 @@ class YadeEngine:
         _check(self.name, setup)
         _version(PROGRAMS[self.precision])
         settings = {"timestep": self._smallest_timestep(setup), **_trace_settings(self.trace)}
-        with scratch() as directory:
-            write_setup(setup, directory, settings)
-            (directory / f"{_FIRST}.py").write_text(_FIRST_SOURCE, encoding="utf-8")
-            options = ["-n", "-x", "-j1", "-L", _FIRST]
-            command = [PROGRAMS[self.precision], *options, str(_SCRIPT), str(directory)]
-            ended = run_logged(command, directory=directory, time_limit_s=time_limit_s)
-            movement = read_movement(directory, cpu_s=ended.cpu_s)
-        if ended.timed_out:
-            why = f"not ready within the time limit of {time_limit_s:g} s"
-            return failed_movement(setup, "timed_out", why, cpu_s=ended.cpu_s)
-        if ended.returncode != 0 or movement is None:
-            return failed_movement(setup, "crashed", _why(ended), cpu_s=ended.cpu_s)
-        return checked(movement)
+        return move_elsewhere(setup, settings, self._command, _died, time_limit_s=time_limit_s)
+
+    def _command(self, directory: Path) -> list[str]:
+        """What runs YADE in `directory`, into which it writes the module imported first."""
+        (directory / f"{_FIRST}.py").write_text(_FIRST_SOURCE, encoding="utf-8")
+        options = ["-n", "-x", "-j1", "-L", _FIRST]
+        return [PROGRAMS[self.precision], *options, str(_SCRIPT), str(directory)]
 
     def _smallest_timestep(self, setup: Setup) -> float:
         wall_material = setup.walls[0].material if setup.walls else setup.grain_material
@@ -137,10 +130,9 @@ def _check(engine: str, setup: Setup) -> None:
         raise refusal(engine, "restitution", None, remedy)
 
 
-def _why(ended: Ended) -> str:
+def _died(ended: Ended) -> str:
     how = "ended with" if (ended.returncode or 0) >= 0 else "was killed twice, by signal"
-    code = abs(ended.returncode or 0)
-    return f"YADE {how} {code}; last lines of its log:\n{ended.last_lines}"
+    return f"YADE {how} {abs(ended.returncode or 0)}"
 
 
 def _trace_settings(trace: Path | None) -> dict[str, str | float]:
