@@ -1,9 +1,9 @@
 """What a scene is: one kind of machine or test of grains, as one object."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, cast
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from mfopt.records.level import Level
 from mfopt.records.objective import Criteria
 from mfopt.records.problem import Problem
 from mfopt.records.view import DesignView
-from mfopt.settings import Settings
+from mfopt.settings import Settings, checked
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,24 +31,12 @@ class Cycle:
 class Scene(Protocol):
     """One kind of machine or test, with its settings. Must be picklable.
 
+    A dataclass whose fields `settings` and `wanted` are made by their classes if left out.
     A design `x` (d,) is in the units of the problem. `dem` says how finely a level resolves the
     grains.
     """
 
     name: ClassVar[str]  # in study files
-
-    @classmethod
-    def read(cls, own: Mapping[str, Any], wanted: Mapping[str, Any], where: str) -> "Scene":
-        """The scene that a study describes.
-
-        Args:
-            own: the table [problem.NAME].
-            wanted: what [problem] says of the objectives.
-            where: its file, for messages.
-
-        Raises:
-            ConfigError: if a key is wrong.
-        """
 
     @property
     def settings(self) -> Settings:
@@ -115,6 +103,42 @@ class Scene(Protocol):
         Raises:
             ConfigError: if the scene has none, or the extra `cad` is missing.
         """
+
+
+def read_scene(
+    kind: type[Scene], own: Mapping[str, Any], wanted: Mapping[str, Any], where: str
+) -> Scene:
+    """The scene that a study describes.
+
+    Args:
+        kind: of the scene.
+        own: the table [problem.NAME].
+        wanted: what [problem] says of the objectives.
+        where: its file, for messages.
+
+    Raises:
+        ConfigError: if a key is wrong.
+    """
+    tables: dict[str, Any] = {its.name: its.default_factory for its in fields(cast(Any, kind))}
+    made: Scene = cast(Any, kind)(
+        checked(tables["settings"], own, where=f"{where}: problem.{kind.name}"),
+        checked(tables["wanted"], wanted, where=f"{where}: problem"),
+    )
+    return made
+
+
+def raw_of(values: Mapping[str, Any], setup: Setup, movement: Movement) -> dict[str, AnyArray]:
+    """Raw results of a run: these values, what every run says of itself, and its snapshots."""
+    said = {
+        **values,
+        "grains": len(movement.exit_times),
+        "duration": setup.duration,
+        "end_time": movement.end_time,
+        "timestep": movement.timestep,
+        "max_overlap": movement.max_overlap,
+    }
+    raw = {name: np.asarray(value) for name, value in said.items()}
+    return raw | {name: np.asarray(a, np.float32) for name, a in movement.snapshots.items()}
 
 
 def drawn(x: Array, meshes: Mapping[str, Mesh], grain: Grain | None, **more: Any) -> DesignView:

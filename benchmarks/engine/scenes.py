@@ -5,50 +5,61 @@ become finer with their number, as in dosing.
 """
 
 import importlib
-import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from benchmarks.engine.runs import Run
-from fidelity.engine import Engine, Movement, Physics
-from fidelity.grains.filling import Portion, filled
-from fidelity.grains.grain import portion_grain
-from fidelity.grains.settings import RICE, STEEL, DemSettings
+from fidelity.engine import Engine
+from fidelity.grains.filling import Portion
+from fidelity.grains.settings import RICE, DemSettings
 from fidelity.level import SceneLevel
-from fidelity.scenes.discharge import run as discharge
+from fidelity.scene import Scene
 from fidelity.scenes.discharge.run import DischargeSettings
-from fidelity.scenes.dosing.design import dosing_problem
+from fidelity.scenes.discharge.scene import Discharge
+from fidelity.scenes.discharge.settings import Hopper
+from fidelity.scenes.discharge.settings import built as built_hopper
 from fidelity.scenes.dosing.scene import Dosing
-from fidelity.scenes.dosing.settings import DosingSettings
-from fidelity.scenes.heap import run as heap
-from fidelity.scenes.heap.run import HeapSettings
-from fidelity.scenes.silo import run as silo
-from fidelity.scenes.silo.run import SiloSettings
-from mfopt.arrays import AnyArray
-from mfopt.errors import ConfigError, SimulationError
-from mfopt.records.outcome import Status
+from fidelity.scenes.heap.scene import Cylinder, Heap
+from fidelity.scenes.heap.scene import built as built_cylinder
+from fidelity.scenes.silo.scene import Box, Silo
+from fidelity.scenes.silo.scene import built as built_box
+from mfopt.arrays import AnyArray, Array
+from mfopt.errors import ConfigError
+from mfopt.files.scratch import scratch
 
 TIME_LIMIT_S = 7200.0  # of one run; far above what the largest takes
-PORTION_KG = 1.0
-GRAIN_LENGTH, GRAIN_WIDTH, SPHERES = 7e-3, 2e-3, 5  # [m], [m], -: unscaled, as in dosing
-YOUNG_MODULUS = 1e6  # [Pa] of the middle levels
-DAMPING = 0.125  # [-] as in dosing
-
-# 1 kg fills 1.5 l at 40 % solid. The outlet is wide for coarse grains, 7.6 diameters of 300: at
-# 6 they arch now and then, and the rate scatters by 20 to 30 % between seeds instead of 6 %.
-HOPPER = DischargeSettings(
-    length=0.18,
-    depth=0.10,
-    opening=0.12,
-    floor_angle=math.radians(60),
-    fall=0.035,
-    duration=0.5,
-)
-HEAP = HeapSettings(radius=0.071, plate=0.60, lift_speed=0.25, lift_height=0.10, rest=0.3)
-SILO = SiloSettings(width=0.080)  # filled to about 250 mm
+PORTION: Mapping[str, Any] = {  # as in dosing
+    "portion_kg": 1, "grain_length_mm": 7, "grain_width_mm": 2, "grain": RICE
+}  # fmt: skip
+DISCHARGE, HEAP, SILO = "discharge", "heap", "silo"
+SCENES: Mapping[str, Scene] = {
+    # 1 kg fills 1.5 l at 40 % solid. The outlet is wide for coarse grains, 7.6 diameters of 300:
+    # at 6 they arch now and then, and the rate scatters by 20 to 30 % between seeds, not 6 %.
+    DISCHARGE: Discharge(
+        Hopper(
+            length_mm=180, depth_mm=100, opening_mm=120, floor_angle_deg=60, fall_mm=35,
+            duration_ms=500, free={"opening": (100, 140)}, **PORTION,
+        )
+    ),
+    HEAP: Heap(
+        Cylinder(
+            radius_mm=71, plate_mm=600, lift_speed_mm_s=250, lift_height_mm=100, rest_ms=300,
+            **PORTION,
+        )
+    ),
+    SILO: Silo(Box(width_mm=80, rest_ms=100, **PORTION)),  # filled to about 250 mm
+}  # fmt: skip
+# What is kept of a run, and what the scene calls it; all of a dosing run.
+KEPT: Mapping[str, Mapping[str, str]] = {
+    DISCHARGE: {
+        "exit_times": "passage_times", "left": "left", "mass_flow_rate": "mass_flow_rate",
+    },
+    HEAP: {n: n for n in ("angle", "radius", "radii", "heights", "mean_height", "fallen")},
+    SILO: {n: n for n in ("wall_share", "floor_share", "shares", "fill_height")},
+}  # fmt: skip
 
 # The baseline and three designs that differ in hopper or motion, all but the first emptying
 # the cup; values over those of the baseline [mm, -].
@@ -71,9 +82,6 @@ ENGINES: Mapping[str, tuple[str, str]] = {
     "bullet": ("fidelity.engines.bullet.engine", "BulletEngine"),
 }
 
-Told = tuple[Mapping[str, AnyArray], tuple[Movement, ...]]  # numbers, and what they cost
-Scene = Callable[[Engine, Portion, int], Told]
-
 
 def engine_named(name: str) -> Engine:
     """Make the engine of that name; only its module is imported.
@@ -88,77 +96,22 @@ def engine_named(name: str) -> Engine:
     return engine
 
 
+def baseline_of(scene: Scene) -> Array:
+    """The design (d,) of a machine as it is given."""
+    return scene.problem().baseline
+
+
+def hopper() -> DischargeSettings:
+    """The hopper of the scene `discharge`, in SI units."""
+    scene = SCENES[DISCHARGE]
+    assert isinstance(scene, Discharge)
+    return built_hopper(scene.settings, baseline_of(scene))
+
+
 def portion_of(grains: int) -> Portion:
     """The portion of 1 kg in so many grains."""
-    material = RICE.material(YOUNG_MODULUS)
-    grain = portion_grain(
-        mass=PORTION_KG,
-        density=material.density,
-        length=GRAIN_LENGTH,
-        width=GRAIN_WIDTH,
-        grains=grains,
-        spheres=SPHERES,
-    )
-    return Portion(grain, grains, material, STEEL.material(), Physics(damping=DAMPING))
-
-
-def run_discharge(engine: Engine, portion: Portion, seed: int) -> Told:
-    """Fill the hopper and let it run out."""
-    filling = discharge.filling_setup(HOPPER, portion, seed)
-    packing, raining = filled(engine, filling, time_limit_s=TIME_LIMIT_S)
-    setup = discharge.discharge_setup(HOPPER, portion, packing)
-    flowing = _done(engine.move(setup, time_limit_s=TIME_LIMIT_S))
-    told = discharge.discharge_result(HOPPER, portion, flowing)
-    if told.lost:
-        raise SimulationError(f"{told.lost} grains got out beside the outlet")
-    numbers = {
-        "exit_times": told.times,
-        "grain_mass": np.asarray(told.grain_mass),
-        "left": np.asarray(told.left),
-        "mass_flow_rate": np.asarray(told.mass_flow_rate),
-    }
-    return numbers, (raining, flowing)
-
-
-def run_heap(engine: Engine, portion: Portion, seed: int) -> Told:
-    """Fill the cylinder and lift it."""
-    filling = heap.filling_setup(HEAP, portion, seed)
-    packing, raining = filled(engine, filling, time_limit_s=TIME_LIMIT_S)
-    setup = heap.heap_setup(HEAP, portion, packing)
-    lifting = _done(engine.move(setup, time_limit_s=TIME_LIMIT_S))
-    told = heap.heap_result(portion.grain, lifting)
-    numbers = {
-        "angle": np.asarray(told.angle),
-        "radius": np.asarray(told.radius),
-        "radii": told.radii,
-        "heights": told.heights,
-        "mean_height": np.asarray(told.mean_height),
-        "fallen": np.asarray(told.fallen),
-    }
-    return numbers, (raining, lifting)
-
-
-def run_silo(engine: Engine, portion: Portion, seed: int) -> Told:
-    """Fill the silo and let it rest."""
-    setup = silo.silo_setup(SILO, portion, seed)
-    movement = _done(engine.move(setup, time_limit_s=TIME_LIMIT_S))
-    told = silo.silo_load(portion, movement)
-    numbers = {
-        "wall_share": np.asarray(told.wall_share),
-        "floor_share": np.asarray(told.floor_share),
-        "shares": told.shares,
-        "fill_height": np.asarray(told.fill_height),
-    }
-    return numbers, (movement,)
-
-
-SCENES: Mapping[str, Scene] = {"discharge": run_discharge, "heap": run_heap, "silo": run_silo}
-
-
-def _done(movement: Movement) -> Movement:
-    if movement.status != "finished":
-        raise SimulationError(movement.why or movement.status)
-    return movement
+    scene = SCENES[DISCHARGE]
+    return scene.portion(baseline_of(scene), DemSettings(grains=grains))
 
 
 def scene_names(names: list[str]) -> list[str]:
@@ -176,66 +129,59 @@ def scene_names(names: list[str]) -> list[str]:
     return spelled
 
 
-def run_scene(engine_name: str, scene: str, grains: int, seed: int) -> Run:
+def run_scene(engine_name: str, name: str, grains: int, seed: int) -> Run:
     """Run a scene once; a failed run is a run too."""
     engine = engine_named(engine_name)
-    if scene.startswith("dosing:"):
-        return _run_dosing(engine, engine_name, scene, grains, seed)
-    portion = portion_of(grains)
-    raw: Mapping[str, AnyArray] = {}
-    status: Status = "finished"
-    why: str | None = None
-    cost: tuple[Movement, ...] = ()
-    try:
-        raw, cost = SCENES[scene](engine, portion, seed)
-    except SimulationError as error:
-        status, why = "crashed", str(error)
+    kind, _, design = name.partition(":")
+    scene = SCENES.get(kind, Dosing())
+    problem, dem = scene.problem(), DemSettings(grains=grains, time_limit_s=TIME_LIMIT_S)
+    values = {**problem.named(problem.baseline), **DESIGNS.get(design, {})}
+    # Each engine settles its own portion: the whole way to a result is compared.
+    with scratch() as cache:
+        level = SceneLevel(kind, scene, dem, engine, cache, filler=engine)
+        outcome = level.evaluate(np.array(list(values.values())), seed=seed)
+    raw: Mapping[str, AnyArray] = outcome.raw
+    settings, work, cpu_s = _settings(kind, grains), outcome.work, outcome.cpu_s
+    if outcome.finished and kind in KEPT:  # a dosing run names its settling, and keeps all
+        work += float(raw["settling_work"])
+        cpu_s += float(raw["settling_cpu_s"])
+        raw = {stored: raw[called] for stored, called in KEPT[kind].items()}
+        raw |= {"grain_mass": np.asarray(settings["grain_mass"])} if kind == DISCHARGE else {}
     return Run(
         engine=engine_name,
-        scene=scene,
+        scene=name,
         grains=grains,
         seed=seed,
-        status=status,
-        why=why,
+        status=outcome.status,
+        why=outcome.why,
         raw=raw,
-        work=sum(m.sphere_steps for m in cost) * engine.cost_factor,
-        cpu_s=sum(m.cpu_s for m in cost),
-        settings=_settings(scene, portion),
+        work=work,
+        cpu_s=cpu_s,
+        settings=settings,
     )
 
 
-def _settings(scene: str, portion: Portion) -> dict[str, Any]:
+def _settings(kind: str, grains: int) -> dict[str, Any]:
     """What a run of the scene depends on besides engine and seed, as JSON gives it back."""
-    machines = {
-        "discharge": asdict(HOPPER),
-        "heap": asdict(HEAP),
-        "silo": asdict(SILO),
-    }
+    if kind not in SCENES:
+        return {}
+    portion = portion_of(grains)
     return {
-        **machines[scene],
+        **_machine(SCENES[kind]),
         "young_modulus": portion.grain_material.young_modulus,
         "damping": portion.physics.damping,
         "grain_mass": portion.grain.mass,
     }
 
 
-def _run_dosing(engine: Engine, engine_name: str, scene: str, grains: int, seed: int) -> Run:
-    settings = DosingSettings()
-    problem = dosing_problem(settings)
-    values = dict(zip(problem.names, map(float, problem.baseline), strict=True))
-    values.update(DESIGNS[scene.partition(":")[2]])
-    # Each engine settles its own portion: the whole way to a result is compared.
-    dem = DemSettings(grains=grains)
-    level = SceneLevel("dosing", Dosing(settings), dem, engine, filler=engine)
-    outcome = level.evaluate(np.array([values[name] for name in problem.names]), seed=seed)
-    return Run(
-        engine=engine_name,
-        scene=scene,
-        grains=grains,
-        seed=seed,
-        status=outcome.status,
-        why=outcome.why,
-        raw=outcome.raw,
-        work=outcome.work,
-        cpu_s=outcome.cpu_s,
-    )
+def _machine(scene: Scene) -> dict[str, Any]:
+    """Measures of a machine, SI units."""
+    match scene:
+        case Heap():
+            machine = asdict(built_cylinder(scene.settings, baseline_of(scene)))
+            return {name: round(value, 9) for name, value in machine.items()}  # 0.071 m, not more
+        case Silo():
+            return asdict(built_box(scene.settings, baseline_of(scene)))
+    machine = asdict(hopper())
+    del machine["floor"]  # 0, and not named by the runs that are kept
+    return machine

@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks import lines
-from benchmarks.engine.scenes import DESIGNS, HOPPER, TIME_LIMIT_S, portion_of
+from benchmarks.engine.scenes import DESIGNS, TIME_LIMIT_S, hopper, portion_of
 from fidelity.engine import Engine, Movement, Setup
 from fidelity.engines.numba import NumbaEngine
 from fidelity.engines.yade.engine import YadeEngine
@@ -92,9 +92,9 @@ def flow_setup(grains: int) -> Setup:
     """A hopper that starts to run out, its grains settled by `numba`."""
     portion = portion_of(grains)
     packing, _ = filled(
-        NumbaEngine(), discharge.filling_setup(HOPPER, portion, 1), time_limit_s=TIME_LIMIT_S
+        NumbaEngine(), discharge.filling_setup(hopper(), portion, 1), time_limit_s=TIME_LIMIT_S
     )
-    return replace(discharge.discharge_setup(HOPPER, portion, packing), duration=FLOW_S)
+    return replace(discharge.discharge_setup(hopper(), portion, packing), duration=FLOW_S)
 
 
 def _step(engine: Engine, setup: Setup) -> float:
@@ -242,7 +242,7 @@ def _start() -> Measurement:
 def tiny_setup() -> Setup:
     """One step of a few grains in free fall over the hopper."""
     portion = portion_of(50)
-    setup = discharge.filling_setup(HOPPER, portion, 1)
+    setup = discharge.filling_setup(hopper(), portion, 1)
     return replace(setup, duration=1e-6)
 
 

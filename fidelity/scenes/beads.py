@@ -2,17 +2,21 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
 from pydantic import Field, Strict, model_validator
 
 from fidelity.grains.filling import Portion
 from fidelity.grains.settings import STEEL, DemSettings, MaterialSettings
+from fidelity.scene import drawn
 from fidelity.scenes.portion import portion_of
+from geometry.mesh import Mesh
 from mfopt.arrays import Array, frozen
 from mfopt.errors import ConfigError, InvalidDesign
 from mfopt.limits import DesignValue, Kilograms, Millimetres
 from mfopt.records.problem import Problem, Variable
+from mfopt.records.view import DesignView
 from mfopt.settings import Settings, nearest
 
 # Glass beads, softened for longer time steps.
@@ -59,6 +63,44 @@ class Vessel(Settings):
         """The grains, as finely as a level resolves them."""
         return portion_of(self.portion_kg, self.grain_length_mm, self.grain_width_mm,
                           self.grain, self.wall, dem)  # fmt: skip
+
+
+class VesselScene:
+    """What scenes of a vessel of beads do alike; each is a `fidelity.scene.Scene`."""
+
+    __slots__ = ()
+    name: ClassVar[str]
+    settings: Vessel
+
+    def starts(self, problem: Problem) -> Mapping[str, Array]:
+        """The vessel as it is given."""
+        return {"baseline": problem.baseline}
+
+    def portion(self, x: Array, dem: DemSettings) -> Portion:
+        """The grains in the vessel."""
+        return self.settings.portion(dem)
+
+    def reduced(self, name: str, grains: int) -> None:
+        """There is no analytic model."""
+
+    def meshes(self, x: Array) -> Mapping[str, Mesh]:
+        """The parts of the vessel."""
+        raise NotImplementedError
+
+    def view(self, x: Array, dem: DemSettings | None) -> DesignView:
+        """The vessel, and the grains of the target level."""
+        grain = None if dem is None else self.portion(x, dem).grain
+        return drawn(x, self.meshes(x), grain)
+
+    def write_step(self, x: Array, directory: Path) -> str:
+        """There is no STEP file of plain plates and tubes.
+
+        Raises:
+            ConfigError: always; the parts are in the STL files.
+        """
+        raise ConfigError(
+            f"the scene {self.name} writes no STEP file; its parts are in the STL files"
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from fidelity.engines.yade.engine import YadeEngine
 from fidelity.grains.settings import DemSettings
 from fidelity.level import SceneLevel
 from fidelity.programs.command import CommandLevel
-from fidelity.scene import Scene
+from fidelity.scene import Scene, read_scene
 from fidelity.scenes.discharge.scene import Discharge
 from fidelity.scenes.dosing.scene import Dosing
 from fidelity.scenes.heap.scene import Heap
@@ -188,7 +188,7 @@ def scene_of(settings: ProblemSettings, where: str) -> Scene | None:
     own = wanted.pop(kind.name, {})
     if not isinstance(own, Mapping):
         raise ConfigError(f"{where}: problem.{kind.name} = {own!r} must be a table")
-    return kind.read(own, wanted, where)
+    return read_scene(kind, own, wanted, where)
 
 
 def scene_class(name: str) -> type[Scene]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from fidelity.grains.settings import DemSettings
 from fidelity.level import SceneLevel
-from fidelity.scene import Scene
+from fidelity.scene import Scene, read_scene
 from mfopt.arrays import Array, frozen
 from mfopt.errors import ConfigError, SimulationError
 from mfopt.records.objective import Criteria
@@ -138,4 +138,4 @@ def load_scene(name: str, **settings: Any) -> LoadedScene:
     Raises:
         ConfigError: if there is no such scene, or a setting is wrong.
     """
-    return LoadedScene(scene_class(name).read(settings, {}, "load_scene"))
+    return LoadedScene(read_scene(scene_class(name), settings, {}, "load_scene"))

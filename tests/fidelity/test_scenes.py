@@ -9,7 +9,7 @@ import pytest
 from fidelity.engines.numba import NumbaEngine
 from fidelity.grains.settings import DemSettings
 from fidelity.level import SceneLevel
-from fidelity.scene import Scene
+from fidelity.scene import Scene, read_scene
 from mfopt.commands.init import template
 from mfopt.errors import ConfigError
 from mfopt.study.assemble import SCENES, assemble
@@ -20,7 +20,7 @@ NAMES = list(SCENES)
 
 
 def scene_named(name: str) -> Scene:
-    return SCENES[name].read({}, {}, "study")
+    return read_scene(SCENES[name], {}, {}, "study")
 
 
 @pytest.fixture(scope="module")
@@ -88,9 +88,9 @@ def test_a_design_is_drawn(name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_an_unknown_key_is_refused_by_name(name: str) -> None:
     with pytest.raises(ConfigError, match=f"problem.{name}: unknown key 'nothing'"):
-        SCENES[name].read({"nothing": 1}, {}, "study")
+        read_scene(SCENES[name], {"nothing": 1}, {}, "study")
     with pytest.raises(ConfigError, match="problem: unknown key 'nothing'"):
-        SCENES[name].read({}, {"nothing": 1}, "study")
+        read_scene(SCENES[name], {}, {"nothing": 1}, "study")
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from mfopt.errors import ConfigError
 from mfopt.records.objective import Criteria, Objective, Quantity, Raw
 from mfopt.records.problem import Problem, Variable
 from mfopt.records.view import DesignView
-from mfopt.settings import Settings, checked
+from mfopt.settings import Settings
 
 LENGTH = 0.2  # [m] of the ramp, along its slope
 
@@ -49,13 +49,6 @@ class Ramp:
 
     settings: RampSettings = field(default_factory=RampSettings)
     wanted: Wanted = field(default_factory=Wanted)
-
-    @classmethod
-    def read(cls, own: Mapping[str, Any], wanted: Mapping[str, Any], where: str) -> "Ramp":
-        return cls(
-            checked(RampSettings, own, where=f"{where}: problem.ramp"),
-            checked(Wanted, wanted, where=f"{where}: problem"),
-        )
 
     def problem(self) -> Problem:
         return Problem((Variable("slope", 5, 60, "deg"),), frozen([self.settings.slope_deg]))

@@ -2,18 +2,17 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from fidelity.effects.switch import is_on
 from fidelity.engine import Movement, Packing, Setup
-from fidelity.grains.filling import Portion, Rained
+from fidelity.grains.filling import Rained
 from fidelity.grains.settings import DemSettings
 from fidelity.samples import level_means
-from fidelity.scene import Cycle, drawn
-from fidelity.scenes.beads import problem_of
+from fidelity.scene import Cycle, raw_of
+from fidelity.scenes.beads import VesselScene, problem_of
 from fidelity.scenes.discharge import objectives
 from fidelity.scenes.discharge.run import (
     discharge_result,
@@ -25,18 +24,16 @@ from fidelity.scenes.discharge.run import (
 from fidelity.scenes.discharge.settings import Hopper, built
 from geometry.mesh import Mesh
 from mfopt.arrays import AnyArray, Array, frozen
-from mfopt.errors import ConfigError
 from mfopt.records.objective import Criteria
 from mfopt.records.problem import Problem
 from mfopt.records.view import DesignView
-from mfopt.settings import checked
 
 WORK_SHARE = 0.6  # of the spheres move, on average: they leave one after the other
 LOOSEST = 0.5  # solid share of grains that were poured, for the height of a drawn hopper
 
 
 @dataclass(frozen=True, slots=True)
-class Discharge:
+class Discharge(VesselScene):
     """A filled hopper whose gate opens. Implements `fidelity.scene.Scene`."""
 
     name: ClassVar[str] = "discharge"
@@ -44,29 +41,13 @@ class Discharge:
     settings: Hopper = field(default_factory=Hopper)
     wanted: objectives.Wanted = field(default_factory=objectives.Wanted)
 
-    @classmethod
-    def read(cls, own: Mapping[str, Any], wanted: Mapping[str, Any], where: str) -> "Discharge":
-        """The scene that a study describes."""
-        return cls(
-            checked(Hopper, own, where=f"{where}: problem.{cls.name}"),
-            checked(objectives.Wanted, wanted, where=f"{where}: problem"),
-        )
-
     def problem(self) -> Problem:
         """The free measures of the hopper."""
         return problem_of(self.settings, built)
 
-    def starts(self, problem: Problem) -> Mapping[str, Array]:
-        """The hopper as it is given."""
-        return {"baseline": problem.baseline}
-
     def criteria(self) -> Criteria:
         """Mass flow rate, discharge time, mass left."""
         return objectives.criteria(self.wanted)
-
-    def portion(self, x: Array, dem: DemSettings) -> Portion:
-        """The grains in the hopper."""
-        return self.settings.portion(dem)
 
     def cycle(self, x: Array) -> Cycle:
         """The run, from the opening of the gate."""
@@ -103,13 +84,8 @@ class Discharge:
         values = {
             "passage_times": told.times,
             "mass_flow_rate": told.mass_flow_rate,
-            "grains": len(movement.exit_times),
             "left": told.left,
             "lost": told.lost,
-            "duration": setup.duration,
-            "end_time": movement.end_time,
-            "timestep": movement.timestep,
-            "max_overlap": movement.max_overlap,
             "sample_times": movement.series["sample_times"],
             "discharged_fraction": movement.series["passed"][:, 0],
             "level": mean,
@@ -117,36 +93,17 @@ class Discharge:
             "level_right": right_half,
             "levels": levels,
         }
-        raw = {name: np.asarray(value) for name, value in values.items()}
-        raw |= {name: np.asarray(a, np.float32) for name, a in movement.snapshots.items()}
         lost = f"{told.lost} grains got out beside the outlet; use a shorter time step"
-        return raw, lost if told.lost else None
-
-    def reduced(self, name: str, grains: int) -> None:
-        """There is no analytic model of a discharge yet."""
+        return raw_of(values, setup, movement), lost if told.lost else None
 
     def view(self, x: Array, dem: DemSettings | None) -> DesignView:
         """The hopper, and the grains of the target level."""
-        its = built(self.settings, x)
-        steep = np.degrees(its.floor_angle)
-        grain = None if dem is None else self.portion(x, dem).grain
-        return drawn(
-            x,
-            self.meshes(x),
-            grain,
-            notes=(f"The floor stands at {steep:.0f}° to the horizontal.",),
-        )
+        steep = np.degrees(built(self.settings, x).floor_angle)
+        note = f"The floor stands at {steep:.0f}° to the horizontal."
+        return replace(VesselScene.view(self, x, dem), notes=(note,))
 
     def meshes(self, x: Array) -> Mapping[str, Mesh]:
         """The hopper, as high as the portion fills it."""
         its, s = built(self.settings, x), self.settings
         volume = s.portion_kg / s.grain.density_kg_m3 / LOOSEST
         return {"hopper": hopper_mesh(its, its.shoulder + volume / (its.length * its.depth))}
-
-    def write_step(self, x: Array, directory: Path) -> str:
-        """There is no STEP file of a plane hopper.
-
-        Raises:
-            ConfigError: always; its plates are in the STL file.
-        """
-        raise ConfigError("the scene discharge writes no STEP file; its plates are in hopper.stl")

@@ -19,6 +19,7 @@ from fidelity.engine import Grain, Material, Movement, Packing, Setup, Wall, Wal
 from fidelity.grains.grain import portion_grain
 from fidelity.grains.portion import depth_in_section, depth_inside
 from fidelity.grains.settings import DemSettings
+from fidelity.scene import raw_of
 from fidelity.scenes.dosing.design import MILLI, MOTION_STEP, Design, dosing_cup, plate
 from fidelity.scenes.dosing.filling import CupFilling, cup_mesh
 from fidelity.scenes.dosing.settings import DosingSettings
@@ -171,18 +172,12 @@ def raw_results(setup: Setup, movement: Movement, count: Tally, seed: int) -> di
     """The raw outcome of a run, SI units."""
     values = {
         "passage_times": count.passed,
-        "grains": len(movement.exit_times),
         "passed": len(count.passed),
         "left_in_cup": count.left_in_cup,
         "left_in_hopper": count.left_in_hopper,
         "lost": count.lost,
         "left_on_plate": count.left_on_plate,
-        "duration": setup.duration,
-        "end_time": movement.end_time,
         "steps": movement.steps,
-        "timestep": movement.timestep,
-        "max_overlap": movement.max_overlap,
         "packing_seed": seed,
     }
-    snapshots = {name: np.asarray(a, np.float32) for name, a in movement.snapshots.items()}
-    return {**{name: np.asarray(value) for name, value in values.items()}, **snapshots}
+    return raw_of(values, setup, movement)

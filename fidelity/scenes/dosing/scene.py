@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from fidelity.engine import Movement, Packing, Setup
 from fidelity.grains.filling import Portion
@@ -30,7 +30,6 @@ from mfopt.arrays import AnyArray, Array
 from mfopt.records.objective import Criteria
 from mfopt.records.problem import Problem
 from mfopt.records.view import Colour, DesignView
-from mfopt.settings import checked
 
 # Spheres times steps moved, per all spheres times the steps of the cycle: a run ends after the
 # cycle, and grains that have left cost nothing. 1.0 to 1.25 for designs that empty the cup.
@@ -54,14 +53,6 @@ class Dosing:
 
     settings: DosingSettings = field(default_factory=DosingSettings)
     wanted: objectives.Wanted = field(default_factory=objectives.Wanted)
-
-    @classmethod
-    def read(cls, own: Mapping[str, Any], wanted: Mapping[str, Any], where: str) -> "Dosing":
-        """The scene that a study describes."""
-        return cls(
-            checked(DosingSettings, own, where=f"{where}: problem.{cls.name}"),
-            checked(objectives.Wanted, wanted, where=f"{where}: problem"),
-        )
 
     def problem(self) -> Problem:
         """The free parameters of hopper and motion; the baseline design."""

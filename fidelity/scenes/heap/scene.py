@@ -3,17 +3,16 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from pydantic import Field
 
 from fidelity.engine import Movement, Packing, Setup
-from fidelity.grains.filling import Portion, Rained
+from fidelity.grains.filling import Rained
 from fidelity.grains.settings import DemSettings
-from fidelity.scene import Cycle, drawn
-from fidelity.scenes.beads import Bounds, Vessel, checked_design, problem_of
+from fidelity.scene import Cycle, raw_of
+from fidelity.scenes.beads import Bounds, Vessel, VesselScene, checked_design, problem_of
 from fidelity.scenes.heap.run import (
     HeapSettings,
     check_heap,
@@ -26,12 +25,10 @@ from fidelity.scenes.heap.run import (
 from fidelity.scenes.portion import MILLI
 from geometry.mesh import Mesh
 from mfopt.arrays import AnyArray, Array, frozen
-from mfopt.errors import ConfigError
 from mfopt.limits import Degrees, Millimetres, Milliseconds
 from mfopt.records.objective import Criteria, Objective, Quantity, Raw
 from mfopt.records.problem import Problem
-from mfopt.records.view import DesignView
-from mfopt.settings import Settings, checked
+from mfopt.settings import Settings
 
 WORK_SHARE = 1.0  # all spheres stay
 HEIGHT = 2.0  # of the drawn cylinder in its radius
@@ -96,7 +93,7 @@ def _angle_error(wanted: float, raw: Raw) -> dict[str, float]:
 
 
 @dataclass(frozen=True, slots=True)
-class Heap:
+class Heap(VesselScene):
     """Grains that form a heap when their cylinder is lifted. Implements `fidelity.scene.Scene`."""
 
     name: ClassVar[str] = "heap"
@@ -104,21 +101,9 @@ class Heap:
     settings: Cylinder = field(default_factory=Cylinder)
     wanted: Wanted = field(default_factory=Wanted)
 
-    @classmethod
-    def read(cls, own: Mapping[str, Any], wanted: Mapping[str, Any], where: str) -> "Heap":
-        """The scene that a study describes."""
-        return cls(
-            checked(Cylinder, own, where=f"{where}: problem.{cls.name}"),
-            checked(Wanted, wanted, where=f"{where}: problem"),
-        )
-
     def problem(self) -> Problem:
         """The free measures."""
         return problem_of(self.settings, built, objective_unit="rad")
-
-    def starts(self, problem: Problem) -> Mapping[str, Array]:
-        """The cylinder as it is given."""
-        return {"baseline": problem.baseline}
 
     def criteria(self) -> Criteria:
         """Angle and radius of the heap."""
@@ -136,10 +121,6 @@ class Heap:
             (),
             self.wanted.model_dump(mode="json"),
         )
-
-    def portion(self, x: Array, dem: DemSettings) -> Portion:
-        """The grains in the cylinder."""
-        return self.settings.portion(dem)
 
     def cycle(self, x: Array) -> Cycle:
         """Lift and rest."""
@@ -167,31 +148,10 @@ class Heap:
         values = {
             "angle": told.angle, "radius": told.radius, "radii": told.radii,
             "heights": told.heights, "mean_height": told.mean_height, "fallen": told.fallen,
-            "grains": len(movement.exit_times), "duration": setup.duration,
-            "end_time": movement.end_time, "timestep": movement.timestep,
-            "max_overlap": movement.max_overlap,
         }  # fmt: skip
-        raw = {name: np.asarray(value) for name, value in values.items()}
-        raw |= {name: np.asarray(a, np.float32) for name, a in movement.snapshots.items()}
-        return raw, None
-
-    def reduced(self, name: str, grains: int) -> None:
-        """There is no analytic model of a heap."""
-
-    def view(self, x: Array, dem: DemSettings | None) -> DesignView:
-        """Cylinder and plate, and the grains of the target level."""
-        grain = None if dem is None else self.portion(x, dem).grain
-        return drawn(x, self.meshes(x), grain)
+        return raw_of(values, setup, movement), None
 
     def meshes(self, x: Array) -> Mapping[str, Mesh]:
         """Cylinder and plate."""
         its = built(self.settings, x)
         return {"cylinder": cylinder_mesh(its, HEIGHT * its.radius), "plate": plate_mesh(its)}
-
-    def write_step(self, x: Array, directory: Path) -> str:
-        """There is no STEP file of a plain cylinder.
-
-        Raises:
-            ConfigError: always; its mesh is in the STL file.
-        """
-        raise ConfigError("the scene heap writes no STEP file; its parts are in the STL files")

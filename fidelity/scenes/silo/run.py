@@ -27,7 +27,7 @@ from mfopt.errors import ConfigError
 
 AVERAGED = 0.1  # [s] at the end of the run
 SNAPSHOTS = 11  # in that time
-SIDES, FLOOR = 0, 1  # places in the list of walls
+FLOOR = "floor"  # all other walls are sides
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +64,7 @@ def silo_setup(settings: SiloSettings, portion: Portion, seed: int) -> Setup:
         grain_material=portion.grain_material,
         walls=(
             _sides(portion, width, top),
-            plane("floor", width, width, 0.0, portion.wall_material),
+            plane(FLOOR, width, width, 0.0, portion.wall_material),
         ),
         physics=filling_physics(portion),
         duration=duration,
@@ -82,7 +82,7 @@ def _sides(portion: Portion, width: float, top: float) -> Wall:
     return Wall("sides", corners, triangles, portion.wall_material)
 
 
-def silo_load(portion: Portion, movement: Movement) -> SiloLoad:
+def silo_load(setup: Setup, movement: Movement) -> SiloLoad:
     """Tell from the movement what side walls and floor carry.
 
     Raises:
@@ -93,11 +93,13 @@ def silo_load(portion: Portion, movement: Movement) -> SiloLoad:
         raise ConfigError(
             "the engine keeps no forces on walls; choose one that gives snapshot_wall_forces"
         )
-    weight = portion.mass * portion.physics.gravity
+    weight = len(movement.positions) * setup.grain.mass * setup.physics.gravity
     down = -forces[:, :, 2] / weight  # (s, w)
+    floor = np.array([wall.name == FLOOR for wall in setup.walls])
+    on_sides, on_floor = down[:, ~floor].sum(axis=1), down[:, floor].sum(axis=1)
     return SiloLoad(
-        wall_share=float(down[:, SIDES].mean()),
-        floor_share=float(down[:, FLOOR].mean()),
-        shares=frozen(down[:, SIDES]),
+        wall_share=float(on_sides.mean()),
+        floor_share=float(on_floor.mean()),
+        shares=frozen(on_sides),
         fill_height=2.0 * float(movement.positions[:, 2].mean()),
     )

@@ -1,28 +1,25 @@
 """The slender silo as a scene."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any, ClassVar
+from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 import numpy as np
 from pydantic import Field
 
 from fidelity.engine import Movement, Packing, Setup
-from fidelity.grains.filling import Portion, filling_time, rectangle, strip
+from fidelity.grains.filling import filling_time, rectangle, strip
 from fidelity.grains.settings import DemSettings
-from fidelity.scene import Cycle, drawn
-from fidelity.scenes.beads import Bounds, Vessel, problem_of
+from fidelity.scene import Cycle, raw_of
+from fidelity.scenes.beads import Bounds, Vessel, VesselScene, problem_of
 from fidelity.scenes.portion import MILLI
 from fidelity.scenes.silo.run import SiloSettings, silo_load, silo_setup
 from geometry.mesh import Mesh
 from mfopt.arrays import AnyArray, Array
-from mfopt.errors import ConfigError
 from mfopt.limits import Kilograms, Millimetres, Milliseconds
 from mfopt.records.objective import Criteria, Objective, Quantity, Raw
 from mfopt.records.problem import Problem
-from mfopt.records.view import DesignView
-from mfopt.settings import Settings, checked
+from mfopt.settings import Settings
 
 WORK_SHARE = 1.0  # all spheres stay
 LOOSE = 0.35  # solid share of the grains before they fall, to predict how long they do
@@ -64,7 +61,7 @@ def _wall_share(raw: Raw) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class Silo:
+class Silo(VesselScene):
     """Grains in a slender box, whose walls carry a part of them. Implements the scene protocol."""
 
     name: ClassVar[str] = "silo"
@@ -72,21 +69,9 @@ class Silo:
     settings: Box = field(default_factory=Box)
     wanted: Wanted = field(default_factory=Wanted)
 
-    @classmethod
-    def read(cls, own: Mapping[str, Any], wanted: Mapping[str, Any], where: str) -> "Silo":
-        """The scene that a study describes."""
-        return cls(
-            checked(Box, own, where=f"{where}: problem.{cls.name}"),
-            checked(Wanted, wanted, where=f"{where}: problem"),
-        )
-
     def problem(self) -> Problem:
         """The free measures."""
         return problem_of(self.settings, built)
-
-    def starts(self, problem: Problem) -> Mapping[str, Array]:
-        """The box as it is given."""
-        return {"baseline": problem.baseline}
 
     def criteria(self) -> Criteria:
         """What floor and walls carry."""
@@ -100,10 +85,6 @@ class Silo:
             ),
             "weight on the walls",
         )
-
-    def portion(self, x: Array, dem: DemSettings) -> Portion:
-        """The grains in the box."""
-        return self.settings.portion(dem)
 
     def cycle(self, x: Array) -> Cycle:
         """Fall and rest."""
@@ -124,37 +105,18 @@ class Silo:
         self, x: Array, dem: DemSettings, setup: Setup, movement: Movement, seed: int
     ) -> tuple[dict[str, AnyArray], str | None]:
         """What floor and walls carry at rest."""
-        told = silo_load(self.portion(x, dem), movement)
+        told = silo_load(setup, movement)
         values = {
             "wall_share": told.wall_share, "floor_share": told.floor_share,
             "shares": told.shares, "fill_height": told.fill_height,
-            "grains": len(movement.exit_times), "duration": setup.duration,
-            "end_time": movement.end_time, "timestep": movement.timestep,
-            "max_overlap": movement.max_overlap,
         }  # fmt: skip
-        return {name: np.asarray(value) for name, value in values.items()}, None
-
-    def reduced(self, name: str, grains: int) -> None:
-        """There is no analytic model of a silo yet."""
-
-    def view(self, x: Array, dem: DemSettings | None) -> DesignView:
-        """The box, and the grains of the target level."""
-        grain = None if dem is None else self.portion(x, dem).grain
-        return drawn(x, self.meshes(x), grain)
+        return raw_of(values, setup, replace(movement, snapshots={})), None
 
     def meshes(self, x: Array) -> Mapping[str, Mesh]:
         """The side walls, as high as the grains stand."""
         width, height = built(self.settings, x).width, self._height(x, POURED)
         corners = np.array(rectangle(width, width, 0.0) + rectangle(width, width, height))
         return {"sides": Mesh(corners, np.array(strip(np.arange(4), np.arange(4, 8))))}
-
-    def write_step(self, x: Array, directory: Path) -> str:
-        """There is no STEP file of a plain box.
-
-        Raises:
-            ConfigError: always; its mesh is in the STL file.
-        """
-        raise ConfigError("the scene silo writes no STEP file; its sides are in sides.stl")
 
     def _height(self, x: Array, solid: float) -> float:
         """Height [m] that the grains fill, at a solid share."""
