@@ -27,9 +27,10 @@ from fidelity.engine import (
 from mfopt.errors import ConfigError
 
 KERNEL = "1"  # counted up when results change
-# Share of the stable step of a single contact: in a pile many act at once. docs/engine shows what
-# other values do.
+# Share of the stable step of a single contact at the usual `Physics.timestep_factor`: in a pile
+# many act at once. docs/engine shows what other values do.
 MARGIN = 0.2
+USUAL_STEP = 0.6
 FEW_LOOKS_S = 0.02  # [s] simulated time in which a run calls every function of the kernel
 
 
@@ -37,7 +38,7 @@ FEW_LOOKS_S = 0.02  # [s] simulated time in which a run calls every function of 
 class NumbaEngine:
     """The engine, with what can be set."""
 
-    margin: float = MARGIN  # share of the stable step of a single contact
+    margin: float = MARGIN  # share of the stable step of a single contact at the usual step
     fixed_timestep: float | None = None  # [s] instead
 
     def __post_init__(self) -> None:
@@ -71,7 +72,8 @@ class NumbaEngine:
 
         if self.fixed_timestep is not None:
             return self.fixed_timestep
-        return self.margin * stable_timestep(grain, grain_material, wall_material, physics)
+        share = self.margin * (physics.timestep_factor / USUAL_STEP)
+        return share * stable_timestep(grain, grain_material, wall_material, physics)
 
     def move(self, setup: Setup, *, time_limit_s: float) -> Movement:
         """Move the grains. A run that crashes, explodes or hangs is returned as such."""

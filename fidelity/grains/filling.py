@@ -18,12 +18,14 @@ from fidelity.engine import (
     Physics,
     Setup,
     Wall,
+    WallMotion,
     scaled,
     sizes,
 )
 from fidelity.grains.packing import Settled
 from fidelity.grains.portion import count_flaw, loose_portion
 from fidelity.grains.sizes import EQUAL, Sizes, drawn
+from geometry.mesh import Mesh
 from geometry.sections import Section
 from mfopt.arrays import Array, IntArray, frozen
 from mfopt.errors import SimulationError
@@ -42,11 +44,24 @@ class Portion:
     wall_material: Material
     physics: Physics
     sizes: Sizes = EQUAL
+    # [rad] of grains on walls; None: the smaller one of the two materials' angles
+    wall_friction_angle: float | None = None
 
     @property
     def mass(self) -> float:
         """Mass of all grains [kg]."""
         return self.grains * self.grain.mass
+
+    def wall(self, name: str, mesh: Mesh, motion: WallMotion | None = None) -> Wall:
+        """A wall of that shape, as these grains feel it."""
+        return Wall(
+            name,
+            mesh.vertices,
+            mesh.triangles,
+            self.wall_material,
+            motion,
+            self.wall_friction_angle,
+        )
 
     @property
     def grain_length(self) -> float:
@@ -169,10 +184,9 @@ def rectangle(length: float, width: float, z: float) -> list[list[float]]:
     return [[-x, -y, z], [x, -y, z], [x, y, z], [-x, y, z]]
 
 
-def plane(name: str, length: float, width: float, z: float, material: Material) -> Wall:
-    """A horizontal rectangle as a wall."""
-    corners = np.array(rectangle(length, width, z))
-    return Wall(name, corners, np.array([[0, 1, 2], [0, 2, 3]]), material)
+def plane(length: float, width: float, z: float) -> Mesh:
+    """A horizontal rectangle around x = y = 0 [m]."""
+    return Mesh(np.array(rectangle(length, width, z)), np.array([[0, 1, 2], [0, 2, 3]]))
 
 
 def strip(lower: IntArray, upper: IntArray) -> list[list[int]]:

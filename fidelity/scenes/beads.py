@@ -1,5 +1,6 @@
 """What scenes of the laboratory have in common: beads in a vessel of a few free measures."""
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,18 +8,21 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import Field, Strict, model_validator
 
+from fidelity.effects.switch import with_effects
 from fidelity.grains.filling import Portion
+from fidelity.grains.grain import portion_grain
 from fidelity.grains.settings import STEEL, DemSettings, MaterialSettings
+from fidelity.grains.sizes import Sizes
 from fidelity.scene import drawn
-from fidelity.scenes.portion import portion_of
 from geometry.mesh import Mesh
 from mfopt.arrays import Array, frozen
 from mfopt.errors import ConfigError, InvalidDesign
-from mfopt.limits import DesignValue, Kilograms, Millimetres
+from mfopt.limits import DesignValue, FrictionAngle, Kilograms, Millimetres, SizeScatter
 from mfopt.records.problem import Problem, Variable
 from mfopt.records.view import DesignView
 from mfopt.settings import Settings, nearest
 
+MILLI = 1e-3
 # Glass beads, softened for longer time steps.
 BEADS = MaterialSettings(
     young_modulus_pa=5e6, poisson_ratio=0.25, density_kg_m3=2500, friction_angle_deg=20
@@ -31,12 +35,15 @@ class Vessel(Settings):
     """A vessel, the grains in it, and which of its measures are free."""
 
     units: ClassVar[Mapping[str, str]]  # of every measure that can be free
+    usual_step: ClassVar[float | None] = None  # see `DemSettings.physics`
 
     portion_kg: Kilograms = 0.25
     grain_length_mm: Millimetres = 5
     grain_width_mm: Millimetres = 5
+    size_scatter: SizeScatter = 0.0  # half width of an even distribution, over the mean size
     grain: MaterialSettings = BEADS
     wall: MaterialSettings = STEEL
+    wall_friction_angle_deg: FrictionAngle | None = None  # None: the smaller of the two materials'
     free: dict[str, Bounds] = Field(min_length=1)
 
     @model_validator(mode="after")
@@ -60,9 +67,26 @@ class Vessel(Settings):
         return {**self.values(), **dict(zip(self.free, map(float, x), strict=True))}
 
     def portion(self, dem: DemSettings) -> Portion:
-        """The grains, as finely as a level resolves them."""
-        return portion_of(self.portion_kg, self.grain_length_mm, self.grain_width_mm,
-                          self.grain, self.wall, dem)  # fmt: skip
+        """The grains, as finely as a level resolves them, with its effects on grains."""
+        grain = portion_grain(
+            mass=self.portion_kg,
+            density=self.grain.density_kg_m3,
+            length=MILLI * self.grain_length_mm,
+            width=MILLI * self.grain_width_mm,
+            grains=dem.grains,
+            spheres=dem.spheres_per_grain,
+        )
+        angle = self.wall_friction_angle_deg
+        portion = Portion(
+            grain,
+            dem.grains,
+            self.grain.material(dem.young_modulus_pa),
+            self.wall.material(),
+            dem.physics(self.usual_step),
+            Sizes(self.size_scatter),
+            None if angle is None else math.radians(angle),
+        )
+        return with_effects(portion, dem.effects)
 
 
 class VesselScene:

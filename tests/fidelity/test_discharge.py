@@ -9,6 +9,7 @@ from scene_portions import movement_to, portion_of
 
 from fidelity.engine import Setup, Wall
 from fidelity.engines.bullet.engine import BulletEngine
+from fidelity.engines.numba import NumbaEngine
 from fidelity.grains.filling import filled
 from fidelity.grains.portion import largest_overlap, sphere_centres
 from fidelity.scenes.discharge.run import (
@@ -19,7 +20,7 @@ from fidelity.scenes.discharge.run import (
     discharge_samples,
     discharge_setup,
     filling_setup,
-    hopper,
+    vessel,
 )
 from geometry.mesh import DEGENERATE, Mesh, merged, open_edges, smallest_quality, volume
 from mfopt.arrays import Array
@@ -29,6 +30,7 @@ SLOT = DischargeSettings(length=0.16, depth=0.10, opening=0.08, fall=0.035, dura
 HOLE = replace(SLOT, opening_depth=0.06)
 WEDGE = replace(SLOT, floor_angle=math.radians(60))
 PYRAMID = replace(HOLE, floor_angle=math.radians(60))
+BARRED = replace(WEDGE, bar=0.03, bar_height=0.09)
 TROUGH = replace(SLOT, opening=SLOT.length)  # no floor at all
 EVERY = pytest.mark.parametrize(
     "settings",
@@ -47,7 +49,7 @@ def wall_named(setup: Setup, name: str) -> Wall:
 
 @EVERY
 def test_the_hopper_is_open_only_at_top_and_outlet(settings: DischargeSettings) -> None:
-    whole = merged([mesh(hopper(settings, portion_of(10), 0.3))])
+    whole = merged([mesh(vessel(settings, portion_of(10), 0.3)[0])])
     assert smallest_quality(whole) > DEGENERATE
     heights = whole.vertices[open_edges(whole)][..., 2]
     assert np.all((heights == 0.0).all(axis=1) | (heights == heights.max()).all(axis=1))
@@ -60,7 +62,7 @@ def test_the_hopper_is_open_only_at_top_and_outlet(settings: DischargeSettings) 
 
 def test_the_volume_is_that_of_box_and_wedge() -> None:
     top = 0.3
-    walls = hopper(PYRAMID, portion_of(10), top)
+    walls = vessel(PYRAMID, portion_of(10), top)[0]
     floor = Mesh(walls.vertices[:4], np.array([[2, 1, 0], [3, 2, 0]]))
     roof = Mesh(walls.vertices[8:], np.array([[0, 1, 2], [0, 2, 3]]))
     h, (a, b) = PYRAMID.shoulder, PYRAMID.outlet
@@ -189,3 +191,28 @@ def test_grains_run_out_of_the_hopper_through_the_outlet(
     assert told.left <= stay_at_most  # on a flat floor a layer beside the slot stays
     # None faster than a free fall from the outlet.
     assert told.times[0] > 0.5 * math.sqrt(2 * settings.fall / 9.81)
+
+
+def test_the_bar_lies_across_the_hopper_at_its_height() -> None:
+    bar = mesh(vessel(BARRED, portion_of(10), 0.3)[1])
+    low, high = bar.vertices.min(axis=0), bar.vertices.max(axis=0)
+    half = BARRED.depth / 2
+    assert low == pytest.approx([-0.015, -half, 0.075], abs=1e-3)
+    assert high == pytest.approx([0.015, half, 0.105], abs=1e-3)
+
+
+def test_grains_start_above_the_bar_and_none_ends_in_it() -> None:
+    portion = portion_of(60)
+    setup = filling_setup(BARRED, portion, seed=1)
+    centres = sphere_centres(portion.grain, setup.packing)
+    assert centres[..., 2].min() > BARRED.bar_top
+    packing, _ = filled(NumbaEngine(), setup, time_limit_s=300.0)
+    spheres = sphere_centres(portion.grain, packing)
+    from_axis = np.hypot(spheres[..., 0], spheres[..., 2] - BARRED.bar_height)
+    assert from_axis.min() > BARRED.bar / 2
+
+
+@pytest.mark.parametrize(("bar", "height"), [(0.2, 0.3), (0.03, 0.01)])
+def test_a_bar_that_does_not_fit_is_refused(bar: float, height: float) -> None:
+    with pytest.raises(ConfigError, match="bar"):
+        check_discharge(replace(SLOT, bar=bar, bar_height=height))

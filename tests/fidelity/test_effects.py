@@ -24,7 +24,7 @@ from fidelity.scenes.discharge.run import (
     DischargeSettings,
     discharge_setup,
     filling_setup,
-    hopper,
+    vessel,
 )
 from mfopt.arrays import Array
 from mfopt.errors import ConfigError
@@ -118,11 +118,11 @@ def height_after_a_bounce(name: str | None, seed: int) -> float:
     portion = replace(PORTION, grains=25)
     setup = filling_setup(RIG, portion, seed)
     lifted = setup.packing.positions + np.array([0.0, 0.0, 0.03])
-    floor = plane("floor", RIG.length, RIG.depth, 0.0, WALLS)
+    floor = PORTION.wall("floor", plane(RIG.length, RIG.depth, 0.0))
     setup = replace(
         setup,
         packing=replace(setup.packing, positions=lifted),
-        walls=(hopper(RIG, portion, 0.3), floor),
+        walls=(*vessel(RIG, portion, 0.3), floor),
         physics=portion.physics,
         settle=False,
         duration=0.3,
@@ -307,7 +307,7 @@ def test_one_side_gets_a_friction_of_its_own_and_the_others_keep_theirs() -> Non
 
 def test_a_vessel_without_a_flat_front_cannot_have_a_rougher_one() -> None:
     setup = discharge_setup(RIG, PORTION, packed(None, 0))
-    floor = plane("floor", 0.1, 0.1, 0.0, WALLS)
+    floor = PORTION.wall("floor", plane(0.1, 0.1, 0.0))
     with pytest.raises(ConfigError, match=r"no wall is flat at the smallest y = -0\.05 m"):
         switched_on(replace(setup, walls=(floor,)), "side_wall_friction", {"excess": 0.2})
 

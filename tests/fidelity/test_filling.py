@@ -53,7 +53,7 @@ def test_nothing_reaches_above_the_top() -> None:
 
 
 def test_planes_and_strips_face_up_and_out() -> None:
-    wall = plane("floor", 0.2, 0.1, 0.3, portion_of(1).wall_material)
+    wall = plane(0.2, 0.1, 0.3)
     a, b, c = np.moveaxis(wall.vertices[wall.triangles], 1, 0)
     normals = np.cross(b - a, c - a)
     np.testing.assert_allclose(normals.sum(axis=0) / 2, [0.0, 0.0, 0.2 * 0.1])

@@ -9,10 +9,10 @@ import numpy as np
 
 from fidelity.engine import Movement, Packing, Setup, Wall
 from fidelity.grains.filling import Portion
+from fidelity.grains.grain import line_grain
 from fidelity.grains.settings import STEEL, DemSettings
 from fidelity.scene import Cycle
 from fidelity.scenes.beads import BEADS
-from fidelity.scenes.portion import portion_of
 from geometry.mesh import Mesh
 from mfopt.arrays import AnyArray, Array, frozen
 from mfopt.errors import ConfigError
@@ -63,7 +63,9 @@ class Ramp:
         return Criteria({"lateness": late}, (shown,), "arrival", {"arrival_ms": 1e3 * wanted})
 
     def portion(self, x: Array, dem: DemSettings) -> Portion:
-        return portion_of(1e-3, 5, 5, BEADS, STEEL, dem)
+        ball = line_grain(5e-3, 5e-3, 1, BEADS.density_kg_m3)
+        materials = BEADS.material(dem.young_modulus_pa), STEEL.material()
+        return Portion(ball, dem.grains, *materials, dem.physics())
 
     def cycle(self, x: Array) -> Cycle:
         return Cycle(1.0, 1.0)

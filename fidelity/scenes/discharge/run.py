@@ -31,6 +31,7 @@ from mfopt.errors import ConfigError
 # The part of the mass that left between which the rate is taken: it leaves out the start,
 # when grains still gather speed, and the end, when the last of them trickle.
 STEADY_FROM, STEADY_TO = 0.2, 0.8
+BAR_SIDES = 16  # of the bar's section: 2 % of its radius from chord to arc
 FEWEST_STEADY = 5  # grains in that part, below which a rate says nothing
 WIDEST_FALL_ANGLE = math.radians(60)  # of a grain's path to the vertical; else it came elsewhere
 
@@ -47,11 +48,18 @@ class DischargeSettings:
     opening_depth: float | None = None  # [m] of the outlet along y; None: a slot, all the depth
     floor_angle: float = 0.0  # [rad] of the floor along x to the horizontal; 0: flat bottom
     floor: float = 0.0  # [m] thickness of the floor: the outlet's sides stand that high
+    bar: float = 0.0  # [m] diameter of a bar that lies across the hopper, along y; 0: none
+    bar_height: float = 0.0  # [m] of the bar's axis, above the outlet
 
     @property
     def outlet(self) -> tuple[float, float]:
         """Extent of the outlet along x and y [m]."""
         return self.opening, self.depth if self.opening_depth is None else self.opening_depth
+
+    @property
+    def bar_top(self) -> float:
+        """Height of the bar's top [m]; 0 without one."""
+        return self.bar_height + self.bar / 2 if self.bar > 0 else 0.0
 
     @property
     def shoulder(self) -> float:
@@ -111,6 +119,16 @@ def check_discharge(settings: DischargeSettings) -> None:
             )
     if not settings.floor >= 0:
         raise ConfigError(f"floor = {settings.floor:g} m must be at least 0; 0 is a thin floor")
+    if settings.bar > 0 and not settings.bar < settings.length:
+        raise ConfigError(
+            f"bar = {settings.bar:g} m must be thinner than the box's length = "
+            f"{settings.length:g} m; use a thinner bar"
+        )
+    if settings.bar > 0 and not settings.bar_height > settings.bar / 2:
+        raise ConfigError(
+            f"bar_height = {settings.bar_height:g} m must exceed half of the bar's diameter = "
+            f"{settings.bar / 2:g} m; raise the bar"
+        )
     if not 0 <= settings.floor_angle < math.pi / 2:
         raise ConfigError(
             f"floor_angle = {settings.floor_angle:g} rad must be at least 0 and below pi/2; "
@@ -127,9 +145,10 @@ def filling_setup(settings: DischargeSettings, portion: Portion, seed: int) -> S
     """
     check_discharge(settings)
     section = Section(settings.length, settings.depth, 0.0, 0.0)
-    loose = loose_in(portion, section, settings.shoulder, seed)
-    gate = plane("gate", *settings.outlet, 0.0, portion.wall_material)
-    return settling_setup(portion, loose, (hopper(settings, portion, top_of(portion, loose)), gate))
+    loose = loose_in(portion, section, max(settings.shoulder, settings.bar_top), seed)
+    gate = portion.wall("gate", plane(*settings.outlet, 0.0))
+    walls = vessel(settings, portion, top_of(portion, loose))
+    return settling_setup(portion, loose, (*walls, gate))
 
 
 def discharge_setup(
@@ -143,9 +162,9 @@ def discharge_setup(
 
     `gate_until` [s] is how long the gate stays closed; None: the run starts without it.
     """
-    walls = [hopper(settings, portion, top_of(portion, packing))]
+    walls = list(vessel(settings, portion, top_of(portion, packing)))
     if gate_until is not None:
-        gate = plane("gate", *settings.outlet, 0.0, portion.wall_material)
+        gate = portion.wall("gate", plane(*settings.outlet, 0.0))
         walls.append(replace(gate, until=gate_until))
     return Setup(
         grain=portion.grain,
@@ -178,10 +197,30 @@ def discharge_samples(settings: DischargeSettings, portion: Portion, times: Arra
     return Samples(frozen(times), (outlet,), columns)
 
 
-def hopper(settings: DischargeSettings, portion: Portion, top: float) -> Wall:
-    """The hopper's walls up to the height `top` [m]."""
-    its = hopper_mesh(settings, max(top, settings.shoulder + portion.grain_length))
-    return Wall("hopper", its.vertices, its.triangles, portion.wall_material)
+def vessel(settings: DischargeSettings, portion: Portion, top: float) -> tuple[Wall, ...]:
+    """The hopper's walls up to the height `top` [m], and the bar if there is one."""
+    meshes = vessel_meshes(settings, max(top, settings.shoulder + portion.grain_length))
+    return tuple(portion.wall(name, mesh) for name, mesh in meshes.items())
+
+
+def vessel_meshes(settings: DischargeSettings, top: float) -> dict[str, Mesh]:
+    """The hopper up to the height `top` [m], above the shoulder, and the bar if there is one."""
+    meshes = {"hopper": hopper_mesh(settings, top)}
+    if settings.bar > 0:
+        meshes["bar"] = bar_mesh(settings)
+    return meshes
+
+
+def bar_mesh(settings: DischargeSettings) -> Mesh:
+    """The bar from the front to the back of the box, without its ends."""
+    angles = np.linspace(0.0, 2 * np.pi, BAR_SIDES, endpoint=False)
+    x, z = settings.bar / 2 * np.cos(angles), settings.bar / 2 * np.sin(angles)
+    ends = [
+        np.column_stack([x, np.full(BAR_SIDES, y), z + settings.bar_height])
+        for y in (-settings.depth / 2, settings.depth / 2)
+    ]
+    ring = np.arange(BAR_SIDES)
+    return Mesh(np.vstack(ends), np.array(strip(ring, ring + BAR_SIDES)))
 
 
 def hopper_mesh(settings: DischargeSettings, top: float) -> Mesh:

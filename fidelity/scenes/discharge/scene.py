@@ -19,7 +19,7 @@ from fidelity.scenes.discharge.run import (
     discharge_samples,
     discharge_setup,
     filling_setup,
-    hopper_mesh,
+    vessel_meshes,
 )
 from fidelity.scenes.discharge.settings import Hopper, built
 from geometry.mesh import Mesh
@@ -106,4 +106,5 @@ class Discharge(VesselScene):
         """The hopper, as high as the portion fills it."""
         its, s = built(self.settings, x), self.settings
         volume = s.portion_kg / s.grain.density_kg_m3 / LOOSEST
-        return {"hopper": hopper_mesh(its, its.shoulder + volume / (its.length * its.depth))}
+        height = volume / (its.length * its.depth)
+        return vessel_meshes(its, max(its.shoulder, its.bar_top) + height)

@@ -6,9 +6,8 @@ from typing import ClassVar
 
 from pydantic import Field, model_validator
 
-from fidelity.scenes.beads import Bounds, Vessel, checked_design
+from fidelity.scenes.beads import MILLI, Bounds, Vessel, checked_design
 from fidelity.scenes.discharge.run import DischargeSettings, check_discharge
-from fidelity.scenes.portion import MILLI
 from mfopt.arrays import Array
 from mfopt.limits import Degrees, Millimetres, Milliseconds
 
@@ -27,6 +26,8 @@ class Hopper(Vessel):
     opening_depth_mm: Millimetres | None = None  # along y; None: a slot, all the depth
     floor_angle_deg: Degrees = 0.0  # of the floor to the horizontal; 0: flat bottom
     floor_mm: float = Field(default=0.0, ge=0.0, le=1000.0)  # thickness; the outlet is below
+    bar_mm: Millimetres | None = None  # diameter of a bar across the hopper; None: there is none
+    bar_height_mm: Millimetres = 50  # of the bar's axis above the outlet
     fall_mm: Millimetres = 35  # from the outlet down to where grains are counted
     duration_ms: Milliseconds = 1500
     samples: int = Field(default=100, ge=1, le=10_000)  # moments of the quantities over time
@@ -68,6 +69,8 @@ def built(settings: Hopper, x: Array) -> DischargeSettings:
         opening_depth=None if slot else MILLI * values["opening_depth"],
         floor_angle=math.radians(values["floor_angle"]),
         floor=MILLI * settings.floor_mm,
+        bar=0.0 if settings.bar_mm is None else MILLI * settings.bar_mm,
+        bar_height=MILLI * settings.bar_height_mm,
         fall=MILLI * settings.fall_mm,
         duration=MILLI * settings.duration_ms,
     )

@@ -21,7 +21,7 @@ from fidelity.engine import Grain, Movement, Packing, Setup, Wall, WallMotion
 from fidelity.grains.filling import (
     Portion,
     loose_in,
-    rectangle,
+    plane,
     settling_setup,
     strip,
     top_of,
@@ -115,21 +115,18 @@ def check_heap(settings: HeapSettings) -> None:
 
 
 def _plate(settings: HeapSettings, portion: Portion) -> Wall:
-    its = plate_mesh(settings)
-    return Wall("plate", its.vertices, its.triangles, portion.wall_material)
+    return portion.wall("plate", plate_mesh(settings))
 
 
 def _cylinder(
     settings: HeapSettings, portion: Portion, top: float, motion: WallMotion | None = None
 ) -> Wall:
-    its = cylinder_mesh(settings, top)
-    return Wall("cylinder", its.vertices, its.triangles, portion.wall_material, motion)
+    return portion.wall("cylinder", cylinder_mesh(settings, top), motion)
 
 
 def plate_mesh(settings: HeapSettings) -> Mesh:
     """The plate at z = 0."""
-    corners = np.array(rectangle(settings.plate, settings.plate, 0.0))
-    return Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]]))
+    return plane(settings.plate, settings.plate, 0.0)
 
 
 def cylinder_mesh(settings: HeapSettings, top: float) -> Mesh:

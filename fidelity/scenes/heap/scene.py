@@ -12,7 +12,7 @@ from fidelity.engine import Movement, Packing, Setup
 from fidelity.grains.filling import Rained
 from fidelity.grains.settings import DemSettings
 from fidelity.scene import Cycle, raw_of
-from fidelity.scenes.beads import Bounds, Vessel, VesselScene, checked_design, problem_of
+from fidelity.scenes.beads import MILLI, Bounds, Vessel, VesselScene, checked_design, problem_of
 from fidelity.scenes.heap.run import (
     HeapSettings,
     check_heap,
@@ -22,7 +22,6 @@ from fidelity.scenes.heap.run import (
     heap_setup,
     plate_mesh,
 )
-from fidelity.scenes.portion import MILLI
 from geometry.mesh import Mesh
 from mfopt.arrays import AnyArray, Array, frozen
 from mfopt.limits import Degrees, Millimetres, Milliseconds

@@ -21,6 +21,7 @@ from fidelity.grains.filling import (
     strip,
     top_of,
 )
+from geometry.mesh import Mesh
 from geometry.sections import Section
 from mfopt.arrays import Array, frozen
 from mfopt.errors import ConfigError
@@ -64,7 +65,7 @@ def silo_setup(settings: SiloSettings, portion: Portion, seed: int) -> Setup:
         grain_material=portion.grain_material,
         walls=(
             _sides(portion, width, top),
-            plane(FLOOR, width, width, 0.0, portion.wall_material),
+            portion.wall(FLOOR, plane(width, width, 0.0)),
         ),
         physics=filling_physics(portion),
         duration=duration,
@@ -79,7 +80,7 @@ def silo_setup(settings: SiloSettings, portion: Portion, seed: int) -> Setup:
 def _sides(portion: Portion, width: float, top: float) -> Wall:
     corners = np.array(rectangle(width, width, 0.0) + rectangle(width, width, top))
     triangles = np.array(strip(np.arange(4), np.arange(4, 8)))
-    return Wall("sides", corners, triangles, portion.wall_material)
+    return portion.wall("sides", Mesh(corners, triangles))
 
 
 def silo_load(setup: Setup, movement: Movement) -> SiloLoad:

@@ -11,8 +11,7 @@ from fidelity.engine import Movement, Packing, Setup
 from fidelity.grains.filling import filling_time, rectangle, strip
 from fidelity.grains.settings import DemSettings
 from fidelity.scene import Cycle, raw_of
-from fidelity.scenes.beads import Bounds, Vessel, VesselScene, problem_of
-from fidelity.scenes.portion import MILLI
+from fidelity.scenes.beads import MILLI, Bounds, Vessel, VesselScene, problem_of
 from fidelity.scenes.silo.run import SiloSettings, silo_load, silo_setup
 from geometry.mesh import Mesh
 from mfopt.arrays import AnyArray, Array
@@ -30,6 +29,7 @@ class Box(Vessel):
     """A box of square section on a floor."""
 
     units: ClassVar[Mapping[str, str]] = {"width": "mm"}
+    usual_step: ClassVar[float | None] = 0.6  # at larger steps the resting grains tremble
 
     width_mm: Millimetres = 60
     rest_ms: Milliseconds = 100  # after the time in which the grains come to rest
