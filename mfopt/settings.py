@@ -75,7 +75,9 @@ def _explained(model: type[BaseModel], error: Mapping[str, Any]) -> str:
 def _fields_at(model: Any, place: tuple[str | int, ...]) -> list[str]:
     """Field names of the settings model found at `place` below `model`."""
     for part in place:
-        if isinstance(part, int):
+        if (
+            isinstance(part, int) or part not in model.model_fields
+        ):  # an index, or a name in a table
             continue
         kind = model.model_fields[part].annotation
         inner = [a for a in (kind, *getattr(kind, "__args__", ())) if hasattr(a, "model_fields")]

@@ -1,0 +1,190 @@
+"""A case: its file and all recordings that the file names, read with the channels of the rig."""
+
+import math
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from calibration.recordings.agreement import agreeing, check_scalars
+from calibration.recordings.case import Case, Known, Measurement
+from calibration.recordings.case_settings import (
+    CaseSettings,
+    KnownSettings,
+    MeasurementSettings,
+    RecordingSettings,
+    ScalarSettings,
+    read_case_settings,
+)
+from calibration.recordings.header import unit_for
+from calibration.recordings.records import Channel, Recording, Repeat
+from calibration.recordings.series_file import Source, read_repeat
+from calibration.recordings.size import check_number
+from mfopt.errors import ConfigError
+from mfopt.settings import nearest
+
+Channels = Mapping[str, Channel]
+
+
+def read_case(path: Path, channels: Channels) -> Case:
+    """Read a case file and the recordings that it names.
+
+    Args:
+        path: of the case file.
+        channels: what the rig can give, by name.
+
+    Raises:
+        ConfigError: if the case file or a recording cannot be trusted.
+    """
+    return complete_case(read_case_settings(path), path, channels)
+
+
+def complete_case(settings: CaseSettings, path: Path, channels: Channels) -> Case:
+    """Read the recordings of a case file that has been read.
+
+    Two steps, because the table `rig` of the case file decides which channels there are.
+
+    Args:
+        settings: of the case file.
+        path: of the case file, from whose folder the recordings are named.
+        channels: what the rig can give, by name.
+
+    Raises:
+        ConfigError: if a recording cannot be trusted.
+    """
+    given = settings.measurement.known(str(path))
+    _check_names(given, channels, f"{path}: measurement")
+    known = {name: _known(table, channels[name], str(path)) for name, table in given.items()}
+    limits = {
+        name: _limits(table.limits, table, channels[name], str(path))
+        for name, table in given.items()
+        if table.limits is not None
+    }
+    recordings = tuple(
+        _recording(its, settings, path, channels, limits) for its in settings.recording
+    )
+    _check_recordings(recordings, path)
+    return Case(
+        name=settings.case.name,
+        seed=settings.case.seed,
+        rig=settings.rig,
+        parameters=tuple(p.named(name) for name, p in settings.parameters.items()),
+        measurement=Measurement(settings.measurement.clock_error, known),
+        recordings=recordings,
+    )
+
+
+def _recording(
+    its: RecordingSettings,
+    settings: CaseSettings,
+    path: Path,
+    channels: Channels,
+    limits: Mapping[str, tuple[float, float]],
+) -> Recording:
+    where = f"{path}: recording {its.name!r}"
+    repeats = tuple(
+        read_repeat(
+            Source(_shown(file, rows), path.parent / file, rows),
+            channels,
+            layout=settings.csv.layout,
+            limits=limits,
+            start_sd_s=_start(settings.measurement),
+        )
+        for file, rows in its.sources
+    )
+    repeats = _with_scalars(repeats, its.scalars, channels, where)
+    recording = Recording(its.name, its.conditions, repeats, its.held_out)
+    tolerance = settings.measurement.repeat_tolerance
+    for name in recording.channels:
+        repeats = agreeing(repeats, channels[name], tolerance, where)
+    for name in recording.scalars:
+        check_scalars(repeats, channels[name], tolerance, where)
+    return Recording(its.name, its.conditions, repeats, its.held_out)
+
+
+def _shown(file: str, rows: Mapping[str, float | str]) -> str:
+    """How a repeat is called: the file, and the rows that were chosen."""
+    chosen = ", ".join(f"{name} = {value}" for name, value in rows.items())
+    return f"{file} ({chosen})" if chosen else file
+
+
+def _start(measurement: MeasurementSettings) -> float | None:
+    offset = measurement.clock_offset_s
+    return math.inf if offset == "unknown" else offset
+
+
+def _with_scalars(
+    repeats: tuple[Repeat, ...],
+    scalars: Mapping[str, ScalarSettings],
+    channels: Channels,
+    where: str,
+) -> tuple[Repeat, ...]:
+    """The repeats with their numbers; repeats of numbers alone if there are no files."""
+    if not scalars:
+        return repeats
+    _check_names(scalars, channels, f"{where}: scalars")
+    columns = {name: _values(its, channels[name], where) for name, its in scalars.items()}
+    count = len(next(iter(columns.values())))
+    made = repeats or tuple(Repeat("", {}) for _ in range(count))
+    return tuple(
+        Repeat(
+            repeat.file,
+            repeat.series,
+            {name: column[i] for name, column in columns.items()},
+            repeat.notes,
+            repeat.start_sd_s,
+        )
+        for i, repeat in enumerate(made)
+    )
+
+
+def _values(scalar: ScalarSettings, channel: Channel, where: str) -> list[float]:
+    place = f"{where}: scalars.{channel.name}"
+    unit = unit_for(channel, scalar.unit, place)
+    for value in scalar.values:
+        check_number(channel, value, unit, place)
+    return [value * unit.factor for value in scalar.values]
+
+
+def _known(table: KnownSettings, channel: Channel, where: str) -> Known:
+    factor = _factor(table, channel, where)
+    noise = None if table.noise is None else factor * table.noise
+    return Known(factor * table.offset, table.scale, noise)
+
+
+def _limits(
+    limits: tuple[float, float], table: KnownSettings, channel: Channel, where: str
+) -> tuple[float, float]:
+    factor = _factor(table, channel, where)
+    return factor * limits[0], factor * limits[1]
+
+
+def _factor(table: KnownSettings, channel: Channel, where: str) -> float:
+    """From the unit of the table to SI."""
+    place = f"{where}: measurement.{channel.name}"
+    return unit_for(channel, table.unit or channel.unit, place).factor
+
+
+def _check_names(names: Iterable[str], channels: Channels, where: str) -> None:
+    for name in names:
+        if name not in channels:
+            raise ConfigError(f"{where}: the rig has no channel {name!r}{nearest(name, channels)}")
+
+
+def _check_recordings(recordings: tuple[Recording, ...], path: Path) -> None:
+    names = [recording.name for recording in recordings]
+    for name in names:
+        if names.count(name) > 1:
+            raise ConfigError(f"{path}: two recordings are called {name!r}; rename one")
+    seen: dict[str, str] = {}
+    for recording in recordings:
+        for repeat in recording.repeats:
+            if repeat.file and repeat.file in seen:
+                raise ConfigError(
+                    f"{path}: {repeat.file} is in recordings {seen[repeat.file]!r} and "
+                    f"{recording.name!r}; a run counts once: leave it out of one"
+                )
+            seen[repeat.file] = recording.name
+    if all(recording.held_out for recording in recordings):
+        raise ConfigError(
+            f"{path}: all {len(names)} recordings are held out; set held_out = false for those "
+            "that are to be fitted"
+        )

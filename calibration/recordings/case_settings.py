@@ -1,0 +1,215 @@
+"""The case file (TOML), checked once: keys, types and limits, before any recording is read."""
+
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import ConfigDict, Field, field_validator, model_validator
+
+from calibration.recordings.case import Parameter
+from calibration.recordings.header import Layout
+from mfopt.errors import ConfigError
+from mfopt.limits import Bound, FileName, Name, Seed
+from mfopt.settings import Settings, checked
+
+MOST_BYTES = 1_000_000  # of a case file
+MOST_RECORDINGS = 1000
+MOST_REPEATS = 1000
+
+Error = Field(default=0.0, ge=0.0)
+
+
+class CaseHead(Settings):
+    """What the case is called and which seed all its random draws follow from."""
+
+    name: FileName
+    seed: Seed = 1
+
+
+class PriorSettings(Settings):
+    """What is known of a parameter before the recordings, beside the range."""
+
+    normal: tuple[float, float] = Field(strict=False)  # mean and standard deviation
+
+
+class ParameterSettings(Settings):
+    """A parameter that the recordings are to determine."""
+
+    range: tuple[Bound, Bound] = Field(strict=False)
+    prior: PriorSettings | None = None
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "ParameterSettings":
+        low, high = self.range
+        if low >= high:
+            raise ValueError(
+                f"range = [{low:g}, {high:g}] must go from a smaller to a larger value; swap or "
+                "widen it"
+            )
+        if self.prior is not None:
+            mean, sd = self.prior.normal
+            if sd <= 0.0:
+                raise ValueError(f"prior.normal: sd = {sd:g} must be above 0; raise it")
+            if not low <= mean <= high:
+                raise ValueError(
+                    f"prior.normal: mean = {mean:g} must lie in the range {low:g} to {high:g}; "
+                    "widen the range"
+                )
+        return self
+
+    def named(self, name: str) -> Parameter:
+        """The record."""
+        mean, sd = self.prior.normal if self.prior else (None, None)
+        return Parameter(name, *self.range, mean, sd)
+
+
+class KnownSettings(Settings):
+    """What is known of how one channel is measured; 1 sd each."""
+
+    unit: str | None = None  # of offset, noise and limits; None: the SI unit of the channel
+    offset: float = Error
+    scale: float = Error
+    noise: float | None = Field(default=None, gt=0.0)
+    limits: tuple[float, float] | None = Field(default=None, strict=False)
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "KnownSettings":
+        if self.limits is not None and self.limits[0] >= self.limits[1]:
+            raise ValueError(
+                f"limits = [{self.limits[0]:g}, {self.limits[1]:g}] must go from a smaller to a "
+                "larger value; swap them"
+            )
+        return self
+
+
+class MeasurementSettings(Settings):
+    """What is known of the clock; a table for each channel stands beside."""
+
+    model_config = ConfigDict(extra="allow")
+
+    clock_error: float = Field(default=0.0, ge=0.0, le=0.5)
+    clock_offset_s: float | Literal["unknown"] | None = None  # None: judged from each file
+    repeat_tolerance: float = Field(default=0.1, gt=0.0, le=10.0)
+
+    @field_validator("clock_offset_s")
+    @classmethod
+    def _not_negative(cls, offset: float | str | None) -> float | str | None:
+        if isinstance(offset, float) and offset < 0.0:
+            raise ValueError(f"{offset:g} s must be at least 0; it is a standard deviation")
+        return offset
+
+    def known(self, where: str) -> dict[str, KnownSettings]:
+        """What is known of channels, by name.
+
+        Raises:
+            ConfigError: if a table has a wrong key.
+        """
+        found = {}
+        for name, table in (self.model_extra or {}).items():
+            if not isinstance(table, dict):
+                raise ConfigError(
+                    f"{where}: unknown key 'measurement.{name}'; known are clock_error, "
+                    "clock_offset_s, repeat_tolerance, and tables named after channels"
+                )
+            found[name] = checked(KnownSettings, table, where=f"{where}: measurement.{name}")
+        return found
+
+
+class CsvSettings(Settings):
+    """How the CSV files are laid out, where their headers do not say it."""
+
+    rename: dict[str, str] = Field(default_factory=dict)
+    ignore: list[str] = Field(default_factory=list)
+    frames_per_s: float | None = Field(default=None, gt=0.0, le=1e7)
+
+    @property
+    def layout(self) -> Layout:
+        """The record."""
+        return Layout(self.rename, tuple(self.ignore), self.frames_per_s)
+
+
+class ScalarSettings(Settings):
+    """A number of an experiment, once for each repeat."""
+
+    values: list[float] = Field(min_length=1, max_length=MOST_REPEATS)
+    unit: str
+
+
+class RecordingSettings(Settings):
+    """One experiment: its conditions, and files or numbers of each repeat."""
+
+    name: Name
+    conditions: dict[str, float | str] = Field(default_factory=dict)
+    files: list[str] = Field(default_factory=list, max_length=MOST_REPEATS)
+    rows: list[dict[str, float | str]] | None = None
+    scalars: dict[str, ScalarSettings] = Field(default_factory=dict)
+    held_out: bool = False
+
+    @model_validator(mode="after")
+    def _whole(self) -> "RecordingSettings":
+        if not self.files and not self.scalars:
+            raise ValueError(f"{self.name!r} has neither files nor scalars; give one of them")
+        if self.rows is not None and len(self.files) not in (1, len(self.rows)):
+            raise ValueError(
+                f"{self.name!r} has {len(self.rows)} rows and {len(self.files)} files; give one "
+                "file for all, or one for each"
+            )
+        counts = {len(scalar.values) for scalar in self.scalars.values()}
+        if self.files:
+            counts.add(len(self.sources))
+        if len(counts) > 1:
+            raise ValueError(
+                f"{self.name!r} has {' and '.join(map(str, sorted(counts)))} repeats by files and "
+                "scalars; give as many of each, or make two recordings"
+            )
+        sources = [(file, tuple(sorted(rows.items()))) for file, rows in self.sources]
+        if len(set(sources)) < len(sources):
+            raise ValueError(f"{self.name!r} names a file twice; each repeat is a run of its own")
+        return self
+
+    @property
+    def sources(self) -> list[tuple[str, Mapping[str, float | str]]]:
+        """File and choice of rows of each repeat."""
+        rows = self.rows or [{} for _ in self.files]
+        files = self.files * len(rows) if len(self.files) == 1 else self.files
+        return list(zip(files, rows, strict=True))
+
+
+class CaseSettings(Settings):
+    """A whole case file. The table `rig` is checked by whoever makes the simulator."""
+
+    case: CaseHead
+    rig: dict[str, Any]
+    parameters: dict[str, ParameterSettings] = Field(min_length=1, max_length=100)
+    measurement: MeasurementSettings = MeasurementSettings()
+    csv: CsvSettings = CsvSettings()
+    recording: list[RecordingSettings] = Field(min_length=1, max_length=MOST_RECORDINGS)
+
+
+def read_case_settings(path: Path) -> CaseSettings:
+    """Read a case file, without the recordings.
+
+    Raises:
+        ConfigError: if it cannot be read, is not TOML, or has a wrong, unknown or missing key.
+    """
+    try:
+        with path.open("rb") as file:
+            content = file.read(MOST_BYTES + 1)
+        if len(content) > MOST_BYTES:
+            raise ConfigError(
+                f"case file {path} has more than the limit of {MOST_BYTES / 1e6:.0f} MB; is it "
+                "the right file?"
+            )
+        data = tomllib.loads(content.decode("utf-8-sig"))
+    except FileNotFoundError as error:
+        raise ConfigError(f"case file {path} does not exist; give a TOML file") from error
+    except OSError as error:
+        raise ConfigError(f"cannot read case file {path}: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"cannot read case file {path}: it is not UTF-8 ({error})") from error
+    except RecursionError as error:
+        raise ConfigError(f"{path}: its tables are nested too deeply; flatten them") from error
+    except ValueError as error:  # TOMLDecodeError, and what Python says of numbers too long
+        raise ConfigError(f"{path} is not valid TOML: {error}") from error
+    return checked(CaseSettings, data, where=str(path))
