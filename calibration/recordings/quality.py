@@ -8,7 +8,7 @@ from mfopt.arrays import Array, BoolArray
 
 MOST_DECIMALS = 9  # more are no choice of a sensor
 SHORTEST_CLIP = 4  # samples; a peak shows up to 3 equal ones
-FEWEST_STEPS = 5  # different steps that make a grid plausible
+FEWEST_STEPS = 8  # different steps that make a grid plausible
 SLIP = (300.0, 3000.0)  # a value so far off its neighbours has another unit or a lost decimal sign
 
 
@@ -45,10 +45,10 @@ def _common_step(levels: Array) -> float:
     if steps.size < FEWEST_STEPS:
         return 0.0
     step = float(np.median(steps[steps < 1.5 * np.min(steps)]))
-    multiples = (levels - levels[0]) / step
-    if multiples[-1] > 1e6 or np.max(np.abs(multiples - np.rint(multiples))) > 0.1:
-        return 0.0
-    return step
+    multiples = np.rint(steps / step)
+    step = float(np.sum(steps * multiples) / np.sum(multiples**2))
+    off = np.abs(steps / step - np.rint(steps / step))
+    return step if np.max(off) <= 0.1 else 0.0
 
 
 def clipped_at(values: Array, quantum: float, unit: str) -> BoolArray:
@@ -125,14 +125,18 @@ def is_regular(times: Array) -> bool:
 def slipped(values: Array) -> int | None:
     """Index of a value about 1 000 times its neighbours, or a thousandth of them; None if none.
 
-    The two neighbours on each side must agree within a factor of 2.
+    The two neighbours on each side must agree within a factor of 2, and the value must be ten usual
+    changes away, so that noise around 0 does not count.
     """
     if values.size < 5:
         return None
-    around = np.abs(np.stack([values[:-4], values[1:-3], values[3:-1], values[4:]]))
+    nearby = np.stack([values[:-4], values[1:-3], values[3:-1], values[4:]])
+    around = np.abs(nearby)
     low, high = np.min(around, axis=0), np.max(around, axis=0)
     here = np.abs(values[2:-2])
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         ratio = np.where(here > high, here / high, low / here)
-    off = (low > 0.0) & (high <= 2.0 * low) & (ratio >= SLIP[0]) & (ratio <= SLIP[1])
+    jump = np.abs(values[2:-2] - np.mean(nearby, axis=0))
+    far = jump > 10.0 * np.median(np.abs(np.diff(values)))
+    off = far & (low > 0.0) & (high <= 2.0 * low) & (ratio >= SLIP[0]) & (ratio <= SLIP[1])
     return int(np.argmax(off)) + 2 if np.any(off) else None

@@ -12,7 +12,7 @@ from calibration.recordings.header import Column, Layout, columns_of
 from calibration.recordings.numbers import check_one_decimal_sign, is_number, number_of
 from calibration.recordings.records import Channel, Repeat, Series
 from calibration.recordings.size import check_size
-from calibration.recordings.text import Row, Table, read_table
+from calibration.recordings.text import Row, Table, counted, read_table
 from calibration.recordings.units import unit_of
 from mfopt.arrays import Array, BoolArray, IntArray
 from mfopt.errors import ConfigError
@@ -138,11 +138,13 @@ def _extra_columns(table: Table, rows: Sequence[Row], layout: Layout, path: Path
     said = []
     if bare:
         held = f", {len(full)} of them with content" if full else ""
-        said.append(f"{len(bare)} columns without a header left out{held}.")
+        said.append(f"{counted(len(bare), 'column')} without a header left out{held}.")
     if ignored := [cell for cell in header if cell in layout.ignore]:
         said.append(f"Columns left out as the case file asks: {', '.join(ignored)}.")
     if short:
-        said.append(f"{short} rows are shorter than the header; what they lack counts as a gap.")
+        said.append(
+            f"{counted(short, 'row')} shorter than the header; what is lacking counts as a gap."
+        )
     return said
 
 
@@ -173,8 +175,8 @@ def _numbers(
     lines = np.array([row.line for row in rows], dtype=np.int64)
     timed = np.isfinite(grid[:, 0])
     if not np.all(timed):
-        notes.append(f"{np.sum(~timed)} rows without a time left out, the first in line "
-                     f"{lines[~timed][0]}.")  # fmt: skip
+        left = counted(int(np.sum(~timed)), "row")
+        notes.append(f"{left} without a time left out, the first in line {lines[~timed][0]}.")
     for k, column in enumerate(columns[1:], start=1):
         if gaps := int(np.sum(np.isnan(grid[timed, k]))):
             notes.append(f"{gaps} of {np.sum(timed)} values of {column.channel.name} are missing.")
@@ -196,9 +198,10 @@ def _ordered(
         )
     distinct, first, counts = np.unique(times, return_index=True, return_counts=True)
     if distinct.size < 2:
+        line = lines[0] if lines.size else 1
         raise ConfigError(
-            f"{path} has {distinct.size} time{'s' * (distinct.size != 1)} with values (line "
-            f"{lines[0] if lines.size else 1}); give at least 2 rows of numbers"
+            f"{path}, line {line}: there is {counted(distinct.size, 'time')} in all; give at "
+            "least 2 rows of numbers"
         )
     if distinct.size == times.size:
         return times, values, lines
@@ -209,8 +212,8 @@ def _ordered(
         means = sums / numbers
     at = int(np.argmax(counts > 1))
     notes.append(
-        f"{np.sum(counts > 1)} time stamps are repeated, the first in line {lines[first[at]] + 1}; "
-        "values of equal time are averaged."
+        f"{counted(int(np.sum(counts > 1)), 'time stamp')} repeated, the first in line "
+        f"{lines[first[at] + 1]}; values of equal time are averaged."
     )
     return distinct, means, lines[first]
 
@@ -246,8 +249,8 @@ def _series(
     there = np.isfinite(written)
     if np.sum(there) < 2:
         raise ConfigError(
-            f"{path}: column {column.header!r} holds {np.sum(there)} values; give at least 2, or "
-            "name the column under ignore in [csv]"
+            f"{path}: column {column.header!r} holds {counted(int(np.sum(there)), 'value')}; give "
+            "at least 2, or name the column under ignore in [csv]"
         )
     times, written, lines = times[there], written[there], lines[there]
     check_size(channel, written, lines, unit, str(path))
@@ -272,7 +275,7 @@ def _note_times(name: str, times: Array, notes: list[str]) -> None:
     number, longest, begin = quality.gaps_in(times)
     if number:
         notes.append(
-            f"{number} gap{'s' * (number > 1)} in time of {name}; the longest lasts "
+            f"{counted(number, 'gap')} in time of {name}; the longest lasts "
             f"{longest:.4g} s from {begin:.4g} s."
         )
     if not quality.is_regular(times):
@@ -284,7 +287,6 @@ def _note_clipped(
     name: str, written: Array, clipped: BoolArray, said: str, notes: list[str]
 ) -> None:
     if np.any(clipped):
-        ends = " and ".join(f"{value:g}" for value in np.unique(written[clipped])[[0, -1]])
-        if written[clipped].min() == written[clipped].max():
-            ends = f"{written[clipped][0]:g}"
-        notes.append(f"{np.sum(clipped)} values of {name} at {ends} {said}.")
+        low, high = written[clipped].min(), written[clipped].max()
+        ends = f"{low:g}" if low == high else f"{low:g} and {high:g}"
+        notes.append(f"{counted(int(np.sum(clipped)), 'value')} of {name} at {ends} {said}.")

@@ -29,19 +29,20 @@ def check_size(channel: Channel, written: Array, lines: IntArray, unit: Unit, fi
     factor = _factor(channel)
     ratios = np.abs(written) * unit.factor / channel.size
     largest = int(np.argmax(ratios))
+    usual = float(np.median(np.abs(written[written != 0.0]))) if np.any(written) else 0.0
     if ratios[largest] > factor:
         i = int(np.argmax(ratios > factor))
         raise ConfigError(
             f"{file}, line {lines[i]}: {_said(channel, written[i], unit)} is {ratios[i]:.3g} times "
             f"the usual {channel.size:g} {channel.unit}, above the limit of {factor:g}; "
-            f"{_remedy(channel, abs(written[i]), unit)}"
+            f"{_remedy(channel, usual, unit)}"
         )
     if 0.0 < ratios[largest] < 1.0 / factor:
         raise ConfigError(
             f"{file}, line {lines[largest]}: {_said(channel, written[largest], unit)}, the largest "
             f"value, is 1/{1.0 / ratios[largest]:.3g} of the usual {channel.size:g} "
             f"{channel.unit}, below the limit of 1/{factor:g}; "
-            f"{_remedy(channel, abs(written[largest]), unit)}"
+            f"{_remedy(channel, usual, unit)}"
         )
     if (slip := slipped(written)) is not None:
         raise ConfigError(
@@ -77,6 +78,6 @@ def _said(channel: Channel, value: float, unit: Unit) -> str:
 
 def _remedy(channel: Channel, size: float, unit: Unit) -> str:
     likely = likely_unit(size, channel.size, channel.unit)
-    if likely is not None and likely != unit.written:
-        return f"is the unit {likely}?"
-    return "correct the unit or the value"
+    if likely is None or likely.factor == unit.factor:
+        return "correct the value, or the unit"
+    return f"is the unit {likely.written}?"

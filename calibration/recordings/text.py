@@ -59,11 +59,16 @@ def read_table(path: Path) -> Table:
     separator = separator or _separator(kept[0][1], path, kept[0][0])
     for count, kind in ((len(blank), "blank"), (len(comments), "comment")):
         if count:
-            notes.append(f"{count} {kind} line{'s' * (count > 1)} left out.")
+            notes.append(f"{counted(count, kind + ' line')} left out.")
     if separator != ",":
         notes.append(f"Columns are separated by {SEPARATORS[separator]}.")
     rows = tuple(Row(i, _cells(line, separator)) for i, line in kept)
     return Table(separator, rows, tuple(notes))
+
+
+def counted(number: int, noun: str) -> str:
+    """Such as "1 line" or "3 lines"."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def _bytes(path: Path) -> bytes:

@@ -26,6 +26,7 @@ UNITS: Mapping[str, tuple[float, str]] = {
     **{"n": (1.0, "N"), "kn": (1e3, "N")},
     **{"hz": (1.0, "Hz"), "1/s": (1.0, "Hz"), "khz": (1e3, "Hz")},
 }
+LIKELY = 5.0  # a likely unit brings a value so near to what is typical
 FRAMES = ("frame", "frames")  # of time; a case file says how many make a second
 
 _SPELLING = str.maketrans({"²": "2", "³": "3", "^": "", "µ": "u", "μ": "u"})
@@ -52,18 +53,18 @@ def units_like(si: str) -> list[str]:
     return [name for name, (_, base) in UNITS.items() if base == si]
 
 
-def likely_unit(size: float, typical: float, si: str) -> str | None:
+def likely_unit(size: float, typical: float, si: str) -> Unit | None:
     """The unit in which a number of this size is nearest to what is typical.
 
     Args:
-        size: the number as it is written, above 0.
+        size: the number as it is written, at least 0.
         typical: what it should be [si].
         si: the SI unit.
     """
     off = {
         name: abs(math.log(factor * size / typical))
         for name, (factor, base) in UNITS.items()
-        if base == si
+        if base == si and size > 0.0
     }
     best = min(off, key=lambda name: off[name], default=None)
-    return best if best is not None and off[best] < math.log(5.0) else None
+    return unit_of(best) if best is not None and off[best] < math.log(LIKELY) else None
