@@ -15,6 +15,8 @@ import numpy as np
 
 from mfopt.arrays import Array
 from mfopt.campaign.executor import Runner
+from mfopt.campaign.memory import Memory
+from mfopt.campaign.store import RunDirectory
 from mfopt.errors import SimulationError
 from mfopt.records.evaluation import Candidate, Evaluation
 from mfopt.records.level import Ladder, Level
@@ -124,6 +126,28 @@ def check_levels(
         runner.close()
         raise
     return Checked(tuple(replace(kept[c.level], candidate=c) for c in asked), rates)
+
+
+def check_stored(
+    run: RunDirectory,
+    ladder: Ladder,
+    x: Array,
+    runner: Runner,
+    judge: Judge,
+    *,
+    reference: Level | None = None,
+) -> Checked:
+    """`check_levels`, but for whole runs that are stored; nothing is started in a run that ended.
+
+    Raises:
+        SimulationError: if all runs of a level failed.
+    """
+    recall = Memory(run).recall
+    if run.end is not None:
+        found = [recall(candidate) for candidate in whole_runs(ladder, x)]
+        if None not in found:
+            return Checked(tuple(filter(None, found)), {})
+    return check_levels(ladder, x, runner, judge, reference=reference, recall=recall)
 
 
 def _until_each_runs(

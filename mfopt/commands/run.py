@@ -12,10 +12,7 @@ from rich.console import Console
 
 from mfopt.arrays import Array
 from mfopt.campaign.begin import begin, begin_reference, budgets, check_disk
-from mfopt.campaign.check import Checked, whole_runs
-from mfopt.campaign.executor import Runner
 from mfopt.campaign.header import header
-from mfopt.campaign.memory import Memory
 from mfopt.campaign.store import RunDirectory, writing
 from mfopt.commands.report import write_reports
 from mfopt.commands.shared import AsJson, Quiet, StudyFile, console
@@ -23,9 +20,10 @@ from mfopt.commands.status import print_result
 from mfopt.commands.workers import new_runner, prepare_engines, started, workers_of
 from mfopt.errors import SimulationError
 from mfopt.files.whole import full_disk_named
-from mfopt.search.search import Search, rungs, window
+from mfopt.search.search import Search, window
 from mfopt.study.assemble import Assembled, assemble, level_settings
 from mfopt.study.file import Study, read_study
+from mfopt.study.searches import make_search
 
 if TYPE_CHECKING:
     from mfopt.commands.progress import ProgressDisplay
@@ -65,7 +63,7 @@ def run(
             on.print(
                 f"{into.kept} runs made before are used wherever the study asks for them again"
             )
-        checked = checked or _checked_again(study, parts, runner, into)
+        checked = checked or started(study, parts, runner, into)
         with _display(study, parts, workers, checked.seconds_per_work, on) as display:
             run_study(
                 parts.problem,
@@ -111,44 +109,19 @@ def _demand_result(run: RunDirectory, target: str) -> None:
     )
 
 
-def _checked_again(study: Study, parts: Assembled, runner: Runner, run: RunDirectory) -> Checked:
-    """Start every level, but for whole runs that are stored; none where the run has ended."""
-    recall, x = Memory(run).recall, parts.problem.baseline
-    if run.end is not None:
-        found = [recall(candidate) for candidate in whole_runs(parts.ladder, x)]
-        known = tuple(evaluation for evaluation in found if evaluation is not None)
-        if len(known) == len(found):
-            return Checked(known, {})
-    return started(study, parts, runner, recall)
-
-
 def _search(study: Study, parts: Assembled, given: Sequence[float], start: Array) -> Search:
-    """The search that the study asks for, from a design; what it needs is only then loaded.
-
-    Args:
-        given: budgets that the run was given, one after the other.
-    """
+    """The search that the study asks for, from a design; `given` are the budgets."""
     its, objective = study.search, study.problem.objective
-    if its.method == "cma-es":
-        from mfopt.search.cmaes import CmaEs
-
-        stages = its.stages(objective)
-        return CmaEs(
-            parts.problem, stages, seed=study.study.seed, exchange=its.exchange, start=start
-        )
-    from mfopt.search.assisted import AssistedCmaEs
-    from surrogates.autoregressive import AutoregressiveGp
-
-    return AssistedCmaEs(
+    return make_search(
         parts.problem,
-        rungs(parts.ladder, parts.problem.baseline),
-        AutoregressiveGp(),
-        budget=given,
+        parts.ladder,
+        stages=its.stages(objective),
+        budgets=given,
         seed=study.study.seed,
         sigma=its.sigma,
         population_size=its.population_size,
-        objective=objective,
         seeds=its.seeds,
+        objective=objective,
         exchange=its.exchange,
         start=start,
     )

@@ -1,13 +1,15 @@
 """Where a study's runs are made, and what is made ready for them."""
 
 import os
+from functools import partial
 
 from rich.console import Console
 
-from mfopt.campaign.check import Checked, Recall, check_levels
+from mfopt.campaign.check import Checked, check_levels, check_stored
 from mfopt.campaign.cluster import dask_cluster
 from mfopt.campaign.executor import Runner
 from mfopt.campaign.local_workers import local_processes
+from mfopt.campaign.store import RunDirectory
 from mfopt.records.objective import judged
 from mfopt.study.assemble import Assembled
 from mfopt.study.file import Study
@@ -33,19 +35,15 @@ def prepare_engines(study: Study, parts: Assembled, on: Console) -> None:
 
 
 def started(
-    study: Study, parts: Assembled, runner: Runner, recall: Recall = lambda candidate: None
+    study: Study, parts: Assembled, runner: Runner, run: RunDirectory | None = None
 ) -> Checked:
-    """Start every level of a study once, at the start design.
+    """Start every level of a study once, at the start design, but for what `run` holds.
 
     Raises:
         SimulationError: if a level cannot run.
     """
-    objective = parts.criteria.objective(study.problem.objective)
-    return check_levels(
-        parts.ladder,
-        parts.problem.baseline,
-        runner,
-        lambda outcome: judged(objective, outcome),
-        reference=parts.reference_level,
-        recall=recall,
-    )
+    judge = partial(judged, parts.criteria.objective(study.problem.objective))
+    ladder, x, reference = parts.ladder, parts.problem.baseline, parts.reference_level
+    if run is None:
+        return check_levels(ladder, x, runner, judge, reference=reference)
+    return check_stored(run, ladder, x, runner, judge, reference=reference)

@@ -4,22 +4,20 @@ import logging
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fidelity.programs.function import FunctionLevel, Simulator
-from mfopt.arrays import Array, frozen
+from mfopt.arrays import frozen
 from mfopt.campaign.begin import begin, budgets
-from mfopt.campaign.check import check_levels
+from mfopt.campaign.check import check_stored
 from mfopt.campaign.driver import Progress, Run, run_of
 from mfopt.campaign.executor import Runner, one_thread
 from mfopt.campaign.header import header
 from mfopt.campaign.local_workers import local_processes
-from mfopt.campaign.memory import Memory
 from mfopt.campaign.run import run_study
-from mfopt.campaign.store import RunDirectory, writing
+from mfopt.campaign.store import writing
 from mfopt.checks import shown, whole
 from mfopt.errors import ConfigError
 from mfopt.files.scratch import scratch
@@ -27,12 +25,9 @@ from mfopt.records.evaluation import Evaluation
 from mfopt.records.level import Ladder, Level
 from mfopt.records.objective import RETURNED, judged
 from mfopt.records.problem import Constraint, Problem, Variable
-from mfopt.search.assisted import AssistedCmaEs
-from mfopt.search.cmaes import CmaEs
 from mfopt.search.search import (
     MOST_WORKERS,
     Reevaluate,
-    Search,
     Stage,
     check_work,
     default_population_size,
@@ -40,6 +35,7 @@ from mfopt.search.search import (
     window,
 )
 from mfopt.study.minimum import Minimum, minimum
+from mfopt.study.searches import make_search
 
 log = logging.getLogger(__name__)
 
@@ -110,17 +106,13 @@ def minimize(
     elif budget is None:
         budget = RUNS_PER_VARIABLE * (problem.dimension + 2)
 
-    def search_within(budgets: Sequence[Any]) -> Search:
-        if plan:
-            return CmaEs(problem, plan, seed=seed)
-        from surrogates.autoregressive import AutoregressiveGp  # loads PyTorch
-
-        return AssistedCmaEs(
-            problem, costs_of_runs, AutoregressiveGp(), budget=budgets, seed=seed, sigma=sigma,
-            population_size=population_size, seeds=seeds,
-        )  # fmt: skip
-
-    search_within([budget])  # names wrong arguments before anything is written
+    search_within = partial(
+        make_search, problem, ladder, stages=plan, seed=seed, sigma=sigma,
+        population_size=population_size, seeds=seeds,
+    )  # fmt: skip
+    search_within(
+        budgets=[] if budget is None else [budget]
+    )  # names wrong arguments before anything is written
     settings = {
         "population_size": None if population_size is None else int(population_size),
         "sigma": float(sigma), "seeds": int(seeds),
@@ -145,11 +137,13 @@ def minimize(
                     "be seen, give another directory", path,
                 )  # fmt: skip
             within = budgets(run.header)
-            search = search_within(within)
+            search = search_within(budgets=within)
             checked: tuple[Evaluation, ...] = ()
             if not within or sum(rung.cost for rung in costs_of_runs) <= within[0]:
                 planned = Ladder(tuple(ladder[stage.level] for stage in plan)) if plan else ladder
-                checked = _started(planned, problem.baseline, runner, run)
+                judge = partial(judged, RETURNED)
+                started = check_stored(run, planned, problem.baseline, runner, judge)
+                checked = started.evaluations
             watched: list[Progress] = []
             best = run_study(
                 problem, ladder, lambda _: search, runner, run, confirm_on=ladder, confirm_seeds=0,
@@ -159,16 +153,6 @@ def minimize(
             stored = len(evaluations) - sum(not its.replayed for its in watched)
     target = plan[-1].level if plan else ladder.top.name
     return minimum(problem, search, best, evaluations, target=target, stored=stored)
-
-
-def _started(ladder: Ladder, x: Array, runner: Runner, run: RunDirectory) -> tuple[Evaluation, ...]:
-    """A run of every level at the start `x` (d,): a level that cannot run is found here.
-
-    Raises:
-        SimulationError: if the first runs of a level all fail.
-    """
-    judge = partial(judged, RETURNED)
-    return check_levels(ladder, x, runner, judge, recall=Memory(run).recall).evaluations
 
 
 def _once(problem: Problem, evaluations: Iterable[Evaluation]) -> tuple[Evaluation, ...]:
