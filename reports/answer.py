@@ -103,7 +103,7 @@ def _reference(facts: Facts) -> dict[str, Any]:
     reference = repeated(facts.rows, facts.run.reference)
     assert reference is not None
     if reference.noted.why_not is not None:
-        return {"left_out": reference.noted.why_not}
+        return {"skipped": reference.noted.why_not}
     numbers: dict[str, float | None] = {}
     for design, pair in reference.pairs.items():
         if pair is not None:

@@ -14,10 +14,10 @@ from reports.units import number
 
 VALIDATION = "validation"  # runs of a generation that are not at its own level
 PHASES = {
-    "check": "check", "start": "simple motions", "search": "search", "finalist": "finalists",
+    "check": "check", "start": "starts", "search": "search", "finalist": "finalists",
     "confirm": "confirmation", "reference": "reference",
 }  # fmt: skip
-OF_SEARCH = ("check", "simple motions", "search", "finalists")  # what its budget may pay for
+OF_SEARCH = ("check", "starts", "search", "finalists")  # what its budget may pay for
 NUMBER = re.compile(r"\d+(\.\d*)?(e[+-]?\d+)?", re.IGNORECASE)
 OWN_FOLDER = re.compile(r"""[^\s'"=:(]*/mfopt-[^\s'"/:)]+/?""")  # of one run, below TMPDIR
 LONGEST_REASON = 600  # [characters]

@@ -92,7 +92,7 @@ def words(repeats: Repeated, engine: str, shown: Display) -> str:
         shown: how values of the objective are shown.
     """
     if repeats.noted.why_not is not None:
-        return f"The reference run was skipped: {repeats.noted.why_not}."
+        return f"The reference run is skipped: {repeats.noted.why_not}."
     reference = f"{repeats.noted.engine} {repeats.noted.version}"
     pairs = {design: pair for design, pair in repeats.pairs.items() if pair is not None}
     if not pairs:

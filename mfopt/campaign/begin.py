@@ -103,7 +103,7 @@ def _holds_its_study(run: RunDirectory) -> bool:
 
 
 def begin_reference(run: RunDirectory, now: Reference | None) -> None:
-    """Note on which engine the reference runs are made, or why they are left out.
+    """Note on which engine the reference runs are made, or why they are skipped.
 
     An engine that was missing when the run began may be there when it goes on.
 

@@ -102,8 +102,8 @@ def _engines(parts: Assembled) -> list[str]:
     if (reference := parts.reference) is not None and reference.engine:
         versions[reference.engine] = reference.version
     found = ", ".join(f"{name} {version}" for name, version in versions.items())
-    left_out = reference.why_not if reference is not None else None
+    skipped = reference.why_not if reference is not None else None
     return [
         *([f"engines found: {found}"] if found else []),
-        *([f"the reference run is left out: {left_out}"] if left_out else []),
+        *([f"the reference run is skipped: {skipped}"] if skipped else []),
     ]

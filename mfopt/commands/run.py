@@ -130,7 +130,7 @@ def _search(study: Study, parts: Assembled, given: Sequence[float], start: Array
 def _begin_reference(run: RunDirectory, parts: Assembled, on: Console) -> None:
     begin_reference(run, parts.reference)
     if run.reference is not None and run.reference.why_not is not None:
-        why = f"the reference run is left out: {run.reference.why_not}"
+        why = f"the reference run is skipped: {run.reference.why_not}"
         on.print(why)
 
 

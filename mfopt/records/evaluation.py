@@ -50,7 +50,7 @@ class Reference:
     level: str = ""  # name of the level on that engine; empty if there is none
     engine: str = ""
     version: str = ""
-    why_not: str | None = None  # why the runs that the study asks for are left out
+    why_not: str | None = None  # why the runs that the study asks for are skipped
 
 
 @dataclass(frozen=True, slots=True)

@@ -32,8 +32,8 @@ from mfopt.search.swap import check_pair
 from mfopt.settings import Settings, checked, nearest
 from mfopt.study.file import ProblemSettings, Study
 
-START_SHARE = 0.25  # of the budget that simple motions may cost, where one seed each allows it
-START_SEEDS = 3  # on which simple motions are compared, if the search has so many
+START_SHARE = 0.25  # of the budget that starts may cost, where one seed each allows it
+START_SEEDS = 3  # on which starts are compared, if the search has so many
 SNAPSHOTS = 4  # moments of the best run that the report shows
 
 Precision = Literal["double", "longdouble", "float128"]

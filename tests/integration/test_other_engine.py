@@ -57,7 +57,7 @@ def test_the_run_goes_on_without_the_engine_and_adds_it_later(
 ) -> None:
     path = tmp_path / "run"
     said = run(path, study('"yade"'), without_yade)
-    assert said.count("the reference run is left out: yade is not installed") == 1
+    assert said.count("the reference run is skipped: yade is not installed") == 1
     assert "apt-get install yade" in said
     assert "apt-get install yade" in (path / "report.html").read_text()
     before = [e.objective for e in open_run(path).evaluations()]

@@ -40,7 +40,7 @@ def test_a_run_at_its_beginning_has_an_answer(make_run: Callable[..., RunDirecto
     run.add_reference(Reference(why_not="yade is not installed"))
     its = answer(run)
     assert "objective" not in its
-    assert its["reference"] == {"left_out": "yade is not installed"}
+    assert its["reference"] == {"skipped": "yade is not installed"}
     assert json.loads(json.dumps(its, allow_nan=False)) == its
 
 

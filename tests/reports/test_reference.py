@@ -130,4 +130,4 @@ def test_what_is_missing_is_said() -> None:
     assert said(waiting) == "The reference run on yade 2023.02a has not been made yet."
     left_out = repeated(CONFIRMED, Reference(why_not="yade is not installed"))
     assert left_out is not None
-    assert said(left_out) == "The reference run was skipped: yade is not installed."
+    assert said(left_out) == "The reference run is skipped: yade is not installed."

@@ -124,7 +124,7 @@ def test_a_reference_run_that_is_left_out_is_told_with_the_remedy(
     run.add_reference(Reference(why_not="yade is not installed; install it"))
     write_report(run, describe=machine, html=tmp_path / "r.html")
     text = words(tmp_path / "r.html")
-    assert "The reference run was skipped: yade is not installed; install it." in text
+    assert "The reference run is skipped: yade is not installed; install it." in text
     assert "on the reference engine" not in text
 
 
