@@ -61,6 +61,9 @@ KEPT: Mapping[str, Mapping[str, str]] = {
     SILO: {n: n for n in ("wall_share", "floor_share", "shares", "fill_height")},
 }  # fmt: skip
 
+ABSENT = ("floor", "bar", "bar_height")  # from the hopper; the runs that are kept do not name them
+STEP = 0.6  # `timestep_factor` of the runs that are kept
+
 # The baseline and three designs that differ in hopper or motion, all but the first emptying
 # the cup; values over those of the baseline [mm, -].
 DESIGNS: Mapping[str, Mapping[str, float]] = {
@@ -111,7 +114,7 @@ def hopper() -> DischargeSettings:
 def portion_of(grains: int) -> Portion:
     """The portion of 1 kg in so many grains."""
     scene = SCENES[DISCHARGE]
-    return scene.portion(baseline_of(scene), DemSettings(grains=grains))
+    return scene.portion(baseline_of(scene), DemSettings(grains=grains, timestep_factor=STEP))
 
 
 def scene_names(names: list[str]) -> list[str]:
@@ -134,7 +137,10 @@ def run_scene(engine_name: str, name: str, grains: int, seed: int) -> Run:
     engine = engine_named(engine_name)
     kind, _, design = name.partition(":")
     scene = SCENES.get(kind, Dosing())
-    problem, dem = scene.problem(), DemSettings(grains=grains, time_limit_s=TIME_LIMIT_S)
+    problem, dem = (
+        scene.problem(),
+        DemSettings(grains=grains, timestep_factor=STEP, time_limit_s=TIME_LIMIT_S),
+    )
     values = {**problem.named(problem.baseline), **DESIGNS.get(design, {})}
     # Each engine settles its own portion: the whole way to a result is compared.
     with scratch() as cache:
@@ -183,5 +189,4 @@ def _machine(scene: Scene) -> dict[str, Any]:
         case Silo():
             return asdict(built_box(scene.settings, baseline_of(scene)))
     machine = asdict(hopper())
-    del machine["floor"]  # 0, and not named by the runs that are kept
-    return machine
+    return {name: value for name, value in machine.items() if name not in ABSENT}
