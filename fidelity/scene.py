@@ -1,6 +1,6 @@
 """What a scene is: one kind of machine or test of grains, as one object."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, ClassVar, Protocol, cast
@@ -13,6 +13,7 @@ from fidelity.grains.packing import Filling
 from fidelity.grains.settings import DemSettings
 from geometry.mesh import Mesh
 from mfopt.arrays import AnyArray, Array
+from mfopt.errors import InvalidDesign
 from mfopt.records.level import Level
 from mfopt.records.objective import Criteria
 from mfopt.records.problem import Problem
@@ -139,6 +140,21 @@ def raw_of(values: Mapping[str, Any], setup: Setup, movement: Movement) -> dict[
     }
     raw = {name: np.asarray(value) for name, value in said.items()}
     return raw | {name: np.asarray(a, np.float32) for name, a in movement.snapshots.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class Possible:
+    """A hard constraint: the machine can be built. A class, so that other processes can have it."""
+
+    settings: Settings
+    build: Callable[[Any, Array], object]  # raises ConfigError where it cannot
+
+    def __call__(self, x: Array) -> str | None:
+        try:
+            self.build(self.settings, x)
+        except InvalidDesign as error:
+            return str(error)
+        return None
 
 
 def drawn(x: Array, meshes: Mapping[str, Mesh], grain: Grain | None, **more: Any) -> DesignView:

@@ -5,7 +5,7 @@ Nothing useful lies beyond these limits: there memory or time run out, or number
 
 from typing import Annotated
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, Strict
 
 from mfopt.names import file_name, shown, word
 from mfopt.records.outcome import LARGEST_WORK, SMALLEST_WORK
@@ -57,6 +57,7 @@ FrictionAngle = Annotated[float, Field(ge=0.0, le=89.0)]  # [deg]
 TimestepFactor = Annotated[float, Field(ge=1e-3, le=2.0)]
 ChordalError = Annotated[float, Field(ge=0.01, le=100.0)]  # [mm]
 DesignValue = Annotated[float, Field(ge=-10_000.0, le=10_000.0)]  # [mm], or [-] of the motion
+Bounds = Annotated[tuple[DesignValue, DesignValue], Strict(False)]  # TOML gives a list
 Damping = Annotated[float, Field(ge=0.0, le=0.95)]
 Restitution = Annotated[float, Field(ge=0.01, le=1.0)]
 Degrees = Annotated[float, Field(ge=0.0, le=89.0)]

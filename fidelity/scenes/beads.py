@@ -2,22 +2,21 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Any, ClassVar
 
-from pydantic import Field, Strict, model_validator
+from pydantic import Field, model_validator
 
 from fidelity.effects.switch import with_effects
 from fidelity.grains.filling import Portion
 from fidelity.grains.grain import portion_grain
 from fidelity.grains.settings import STEEL, DemSettings, MaterialSettings
 from fidelity.grains.sizes import Sizes
-from fidelity.scene import drawn
+from fidelity.scene import Possible, drawn
 from geometry.mesh import Mesh
 from mfopt.arrays import Array, frozen
 from mfopt.errors import ConfigError, InvalidDesign
-from mfopt.limits import DesignValue, FrictionAngle, Kilograms, Millimetres, SizeScatter
+from mfopt.limits import Bounds, FrictionAngle, Kilograms, Millimetres, SizeScatter
 from mfopt.records.problem import Problem, Variable
 from mfopt.records.view import DesignView
 from mfopt.settings import Settings, nearest
@@ -27,8 +26,6 @@ MILLI = 1e-3
 BEADS = MaterialSettings(
     young_modulus_pa=5e6, poisson_ratio=0.25, density_kg_m3=2500, friction_angle_deg=20
 )
-
-Bounds = Annotated[tuple[DesignValue, DesignValue], Strict(False)]  # TOML gives a list
 
 
 class Vessel(Settings):
@@ -125,21 +122,6 @@ class VesselScene:
         raise ConfigError(
             f"the scene {self.name} writes no STEP file; its parts are in the STL files"
         )
-
-
-@dataclass(frozen=True, slots=True)
-class Possible:
-    """A hard constraint: the vessel can be built. A class, so that other processes can have it."""
-
-    settings: Vessel
-    build: Callable[[Any, Array], object]  # raises ConfigError where it cannot
-
-    def __call__(self, x: Array) -> str | None:
-        try:
-            self.build(self.settings, x)
-        except InvalidDesign as error:
-            return str(error)
-        return None
 
 
 def problem_of(

@@ -6,10 +6,10 @@ from typing import ClassVar
 
 from pydantic import Field, model_validator
 
-from fidelity.scenes.beads import MILLI, Bounds, Vessel, checked_design
+from fidelity.scenes.beads import MILLI, Vessel, checked_design
 from fidelity.scenes.discharge.run import DischargeSettings, check_discharge
 from mfopt.arrays import Array
-from mfopt.limits import Degrees, Millimetres, Milliseconds
+from mfopt.limits import Bounds, Degrees, Millimetres, Milliseconds
 
 
 class Hopper(Vessel):

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fidelity.scene import Possible
 from fidelity.scenes.dosing.settings import MOTION_PARAMETERS, SIMPLE_MOTIONS, DosingSettings
 from geometry.loft import Loft, check_loft
 from geometry.mesh import Mesh
@@ -62,20 +63,6 @@ class CupMotion:
     velocities: Array  # (m,) [m/s]
 
 
-@dataclass(frozen=True, slots=True)
-class _Possible:
-    """The hard constraint; a class so that a problem can be sent to another process."""
-
-    settings: DosingSettings
-
-    def __call__(self, x: Array) -> str | None:
-        try:
-            design(self.settings, x)
-        except InvalidDesign as error:
-            return str(error)
-        return None
-
-
 def dosing_problem(settings: DosingSettings) -> Problem:
     """The free parameters as variables, in their order in the settings; the baseline design.
 
@@ -92,7 +79,7 @@ def dosing_problem(settings: DosingSettings) -> Problem:
         for name, (low, high) in settings.free.items()
     )
     baseline = frozen([values[v.name] for v in variables])
-    return Problem(variables, baseline, _Possible(settings), objective_unit="s")
+    return Problem(variables, baseline, Possible(settings, design), objective_unit="s")
 
 
 def starting_designs(problem: Problem) -> dict[str, Array]:

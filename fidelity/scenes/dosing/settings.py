@@ -7,12 +7,12 @@ The records keep the user's units; what leaves this module as a `Material` is SI
 
 import math
 from collections.abc import Mapping
-from typing import Annotated
 
-from pydantic import Field, Strict, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from fidelity.grains.settings import RICE, STEEL, MaterialSettings
 from mfopt.limits import (
+    Bounds,
     DesignValue,
     Kilograms,
     Millilitres,
@@ -20,8 +20,6 @@ from mfopt.limits import (
     Milliseconds,
 )
 from mfopt.settings import Settings, nearest
-
-Bounds = Annotated[tuple[DesignValue, DesignValue], Strict(False)]  # TOML gives a list
 
 # Every number that describes a design: z, l, w, r, s of sections 0 (hole) to 3 (tube) [mm],
 # and the motion's x1, y1, x2, y2, v [-]. z0 = 0 is the plate and no parameter.

@@ -12,7 +12,7 @@ from fidelity.engine import Movement, Packing, Setup
 from fidelity.grains.filling import Rained
 from fidelity.grains.settings import DemSettings
 from fidelity.scene import Cycle, raw_of
-from fidelity.scenes.beads import MILLI, Bounds, Vessel, VesselScene, checked_design, problem_of
+from fidelity.scenes.beads import MILLI, Vessel, VesselScene, checked_design, problem_of
 from fidelity.scenes.heap.run import (
     HeapSettings,
     check_heap,
@@ -24,7 +24,7 @@ from fidelity.scenes.heap.run import (
 )
 from geometry.mesh import Mesh
 from mfopt.arrays import AnyArray, Array, frozen
-from mfopt.limits import Degrees, Millimetres, Milliseconds
+from mfopt.limits import Bounds, Degrees, Millimetres, Milliseconds
 from mfopt.records.objective import Criteria, Objective, Quantity, Raw
 from mfopt.records.problem import Problem
 from mfopt.settings import Settings

@@ -11,11 +11,11 @@ from fidelity.engine import Movement, Packing, Setup
 from fidelity.grains.filling import filling_time, rectangle, strip
 from fidelity.grains.settings import DemSettings
 from fidelity.scene import Cycle, raw_of
-from fidelity.scenes.beads import MILLI, Bounds, Vessel, VesselScene, problem_of
+from fidelity.scenes.beads import MILLI, Vessel, VesselScene, problem_of
 from fidelity.scenes.silo.run import SiloSettings, silo_load, silo_setup
 from geometry.mesh import Mesh
 from mfopt.arrays import AnyArray, Array
-from mfopt.limits import Kilograms, Millimetres, Milliseconds
+from mfopt.limits import Bounds, Kilograms, Millimetres, Milliseconds
 from mfopt.records.objective import Criteria, Objective, Quantity, Raw
 from mfopt.records.problem import Problem
 from mfopt.settings import Settings
