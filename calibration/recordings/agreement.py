@@ -89,7 +89,7 @@ def best_shift(reference: Series, other: Series) -> float:
     """By how much later the other series runs [s]: the shift with the least rms difference.
 
     At most half of the shorter duration, so that at least half of it is compared. Returns 0 where
-    a shift does not lower the rms difference by a tenth.
+    a shift does not halve the rms difference: that may be scatter.
     """
     most = 0.5 * min(np.ptp(reference.times), np.ptp(other.times))
 
@@ -101,7 +101,7 @@ def best_shift(reference: Series, other: Series) -> float:
     best = tried[int(np.argmin(losses))]
     step = tried[1] - tried[0]
     found = minimize_scalar(rms, bounds=(best - step, best + step), method="bounded")
-    return float(found.x) if found.fun < 0.9 * rms(0.0) else 0.0
+    return float(found.x) if found.fun < 0.5 * rms(0.0) else 0.0
 
 
 def roughness(series: Series) -> float:
