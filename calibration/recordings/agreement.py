@@ -1,5 +1,6 @@
 """Whether repeats of an experiment agree; a later start is no contradiction."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -11,7 +12,7 @@ from mfopt.arrays import Array
 from mfopt.errors import ConfigError
 
 NOISE_FACTOR = 5.0  # a difference within so many sd of its own noise is none
-SCALAR_FACTOR = 3.0  # numbers may differ by so many times the tolerance of series
+SCALAR_FACTOR = 6.0  # numbers may differ by so many times the tolerance of series
 GRID = 200  # times at which series are compared
 SHIFTS = 41  # tried between minus and plus half of the shorter series
 SMALLEST_SCALE = 0.01  # of the channel's size; smaller ranges are no signal
@@ -42,7 +43,9 @@ def agreeing(
     checked = list(repeats)
     if len(series) < 2:
         return tuple(checked)
-    shifts = [0.0, *(best_shift(series[0], other) for other in series[1:])]
+    free = [math.isinf(repeats[i].start_sd_s) for i in having]
+    pairs = zip(series[1:], free[1:], strict=True)
+    shifts = [0.0, *(best_shift(series[0], s, free=free[0] or its) for s, its in pairs)]
     k, far, noise, scale = _farthest(series, shifts, channel)
     if far > tolerance * scale and far > NOISE_FACTOR * noise:
         others = ", ".join(file for i, file in enumerate(files) if i != k)
@@ -67,7 +70,7 @@ def check_scalars(
     """Refuse a number that is far from the median of the other repeats.
 
     Raises:
-        ConfigError: if it differs by more than three times `tolerance`, relative to that median.
+        ConfigError: if it differs by more than six times `tolerance`, relative to that median.
     """
     values = [r.scalars[channel.name] for r in repeats if channel.name in r.scalars]
     limit = SCALAR_FACTOR * tolerance
@@ -85,11 +88,12 @@ def check_scalars(
             )
 
 
-def best_shift(reference: Series, other: Series) -> float:
+def best_shift(reference: Series, other: Series, *, free: bool = False) -> float:
     """By how much later the other series runs [s]: the shift with the least rms difference.
 
     At most half of the shorter duration, so that at least half of it is compared. Returns 0 where
-    a shift does not halve the rms difference: that may be scatter.
+    a shift does not halve the rms difference: that may be scatter. A `free` start, of which nothing
+    is known, is shifted all the same.
     """
     most = 0.5 * min(np.ptp(reference.times), np.ptp(other.times))
 
@@ -101,7 +105,7 @@ def best_shift(reference: Series, other: Series) -> float:
     best = tried[int(np.argmin(losses))]
     step = tried[1] - tried[0]
     found = minimize_scalar(rms, bounds=(best - step, best + step), method="bounded")
-    return float(found.x) if found.fun < 0.5 * rms(0.0) else 0.0
+    return float(found.x) if free or found.fun < 0.5 * rms(0.0) else 0.0
 
 
 def roughness(series: Series) -> float:

@@ -43,13 +43,8 @@ class Column:
     channel: Channel
     unit: Unit
 
-    @property
-    def is_time(self) -> bool:
-        """Whether it is the column of time."""
-        return self.channel is TIME
 
-
-TIME = Channel("time", "s", 1.0)
+TIME = Channel("time", "s", 1.0)  # where the rig gives no usual duration; not checked then
 
 
 def columns_of(
@@ -108,13 +103,14 @@ def _column(
     index: int, text: str, channels: Mapping[str, Channel], layout: Layout, where: str
 ) -> Column:
     name, written = _split(text, channels)
-    channel = TIME if name in (*TIMES, *FRAMES) else channels.get(name)
+    is_time = name in (*TIMES, *FRAMES)
+    channel = channels.get(TIME.name, TIME) if is_time else channels.get(name)
     if channel is None:
         raise ConfigError(
             f"{where}: the rig has no channel {name!r}{_hint(name, channels)} "
             "A column that is not needed is named under ignore in [csv]."
         )
-    if channel is TIME and (name in FRAMES or written in FRAMES):
+    if is_time and (name in FRAMES or written in FRAMES):
         return Column(index, text, channel, _frames(layout, where))
     if written is None:
         raise ConfigError(

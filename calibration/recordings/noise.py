@@ -133,10 +133,10 @@ def _groups(
         pairs = [(its, s) for its, s in pairs if np.sum(_telling(s)) >= FEWEST]
         if not pairs:
             continue
-        first = pairs[0][1]
+        first, free = pairs[0][1], [math.isinf(its.start_sd_s) for its, _ in pairs]
         shifts = [
-            best_shift(first, s) if shift_known_starts or math.isinf(its.start_sd_s) else 0.0
-            for its, s in pairs[1:]
+            best_shift(first, s, free=free[0] or one) if shift_known_starts or one else 0.0
+            for (_, s), one in zip(pairs[1:], free[1:], strict=True)
         ]
         times = [s.times[_telling(s)] for _, s in pairs]
         times = [t - shift for t, shift in zip(times, [0.0, *shifts], strict=True)]

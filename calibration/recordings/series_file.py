@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from calibration.recordings import quality
-from calibration.recordings.header import Column, Layout, columns_of
+from calibration.recordings.header import TIME, Column, Layout, columns_of
 from calibration.recordings.numbers import check_one_decimal_sign, is_number, number_of
 from calibration.recordings.records import Channel, Repeat, Series
 from calibration.recordings.size import check_size
@@ -63,6 +63,7 @@ def read_repeat(
     notes = [*table.notes, *_extra_columns(table, rows, layout, path)]
     times, values, lines = _numbers(rows, columns, path, notes)
     times, values, lines = _ordered(times, values, lines, path, notes)
+    _check_duration(columns[0], times, lines, path)
     times, start = _started(times, start_sd_s, notes)
     series = {
         column.channel.name: _series(column, times, values[:, k], lines, limits, path, notes)
@@ -218,6 +219,13 @@ def _ordered(
     return distinct, means, lines[first]
 
 
+def _check_duration(column: Column, times: Array, lines: IntArray, path: Path) -> None:
+    """Refuse a duration far off that of the rig, if the rig gives one as the size of `time`."""
+    if column.channel is not TIME:
+        elapsed = (times[-1:] - times[0]) / column.unit.factor
+        check_size(column.channel, elapsed, lines[-1:], column.unit, str(path))
+
+
 def _started(times: Array, stated: float | None, notes: list[str]) -> tuple[Array, float]:
     """Times [s] and 1 sd of where time 0 lies in them [s]."""
     step = float(np.median(np.diff(times)))
@@ -257,6 +265,8 @@ def _series(
     values = written * unit.factor
     quantum = quality.quantum_of(written)
     _note_times(channel.name, times, notes)
+    if np.ptp(written) == 0.0:
+        notes.append(f"All values of {channel.name} are {written[0]:g} {unit.written}.")
     if quantum > COARSE * (np.max(written) - np.min(written)):
         notes.append(f"Values of {channel.name} come in steps of {quantum:.4g} {unit.written}.")
     if channel.name in limits:

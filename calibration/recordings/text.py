@@ -56,6 +56,10 @@ def read_table(path: Path) -> Table:
     if len(kept) < 2:
         what = "is empty" if not kept else f"has a header in line {kept[0][0]} and no samples"
         raise ConfigError(f"{path} {what}; give a header and at least 2 rows of numbers")
+    if commented := _commented_header(lines, kept[0][0]):
+        kept.insert(0, commented)
+        comments.remove(commented[0])
+        notes.append("The header is a comment.")
     separator = separator or _separator(kept[0][1], path, kept[0][0])
     for count, kind in ((len(blank), "blank"), (len(comments), "comment")):
         if count:
@@ -124,6 +128,15 @@ def _declared_separator(
     if first.startswith("sep=") and first[4:] in SEPARATORS:
         return first[4:], lines[1:]
     return None, lines
+
+
+def _commented_header(lines: list[tuple[int, str]], first: int) -> tuple[int, str] | None:
+    """The comment in front of line `first` as a header, if that line holds numbers alone."""
+    texts = dict(lines)
+    above = texts.get(first - 1, "").lstrip()
+    if any(character.isalpha() for character in texts[first]) or not above.startswith(COMMENTS):
+        return None
+    return first - 1, above.lstrip("#%/ ")
 
 
 def _separator(header: str, path: Path, line: int) -> str:

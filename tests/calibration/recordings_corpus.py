@@ -13,6 +13,7 @@ from mfopt.arrays import Array
 CHANNELS = {
     c.name: c
     for c in (
+        Channel("time", "s", 2.0),
         Channel("level", "m", 0.1),
         Channel("level_left", "m", 0.1),
         Channel("discharged_fraction", "-", 1.0),
@@ -164,6 +165,9 @@ READ = [
     ), extra="[csv]\nframes_per_s = 40"),
     read_with("units in the second line", "time,level\ns,mm\n"
               + "\n".join(",".join(r) for r in rows()), "Units are in the second line"),
+    read_with("header as a comment", "# made by a script\n# " + clean(), "header is a comment",
+              "1 comment line"),
+    read_with("dead sensor", series(T, 0.0 * V + 55.0), "All values of level are 55 mm"),
     read_with("unit after a slash", clean().replace("level [mm]", "level / mm")),
     read_with("packed", gzip.compress(clean().encode())),  # named .gz below
     Flaw("unequal rates", {"a.csv": clean(), "b.csv": series(np.linspace(0, 1.47, 23),
@@ -204,6 +208,8 @@ REFUSED = [
             "level = 62000 mm", "limit of 30"),
     refused("one value 1 000 times too small", replaced(22, "0.500,0.0645"), "a.csv, line 22",
             "about 1 000 times", "decimal sign"),
+    refused("milliseconds for seconds", series(1e3 * T, V), "a.csv, line 61", "time = 1475 s",
+            "is the unit ms?"),
     refused("empty", "", "a.csv is empty"),
     refused("blank and comments alone", "\n# nothing\n\n", "a.csv is empty"),
     refused("header alone", "time [s],level [mm]\n", "line 1", "no samples"),
@@ -242,7 +248,7 @@ REFUSED = [
     Flaw("missing file", {"a.csv": clean()}, ("b.csv does not exist", "folder"), True,
          case=case_text({"b.csv": ""})),
     Flaw("repeat of another experiment", {"a.csv": clean(), "b.csv": clean(1), "c.csv": series(
-         T, 95.0 - 40.0 * np.tanh(T))}, ("level of c.csv differs", "limit of 10%", "leave one"),
+         T, 95.0 - 40.0 * np.tanh(T))}, ("level of c.csv differs", "limit of 5%", "leave one"),
          True),
     Flaw("repeat that jams", {"a.csv": clean(), "b.csv": series(T, np.maximum(level(seed=1)[1],
          70.0 + 0.1 * np.sin(99 * T)))}, ("differs from", "repeat_tolerance"), True),

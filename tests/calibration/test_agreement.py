@@ -1,5 +1,7 @@
 """Repeats agree up to noise, scatter of packing and a later start; anything else is refused."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -33,16 +35,24 @@ def test_noise_and_packing_are_no_contradiction(sd: float, faster: float) -> Non
         repeat("a", fall(T) + noise(0, sd)),
         repeat("b", fall(T, 0.045 * faster) + noise(1, sd)),
     ]
-    agreeing(repeats, LEVEL, 0.1, "case")
+    agreeing(repeats, LEVEL, 0.05, "case")
 
 
 @pytest.mark.parametrize("late", [-0.4, -0.05, 0.2, 0.5])
 def test_a_later_start_is_said_and_not_refused(late: float) -> None:
     repeats = [repeat("a", fall(T) + noise(0, 2e-4)), repeat("b", fall(T - late) + noise(1, 2e-4))]
-    a, b = agreeing(repeats, LEVEL, 0.1, "case")
+    a, b = agreeing(repeats, LEVEL, 0.05, "case")
     assert a.notes == ()
     assert "later" in b.notes[0] if late > 0.0 else "earlier" in b.notes[0]
     assert best_shift(a.series["level"], b.series["level"]) == pytest.approx(late, abs=0.01)
+
+
+def test_an_unknown_start_is_shifted_before_repeats_are_compared() -> None:
+    late = fall(T - 0.3, 0.045 * 1.25)
+    known = [repeat("a", fall(T)), repeat("b", late)]
+    with pytest.raises(ConfigError, match="differs"):
+        agreeing(known, LEVEL, 0.08, "case")
+    agreeing([replace(r, start_sd_s=np.inf) for r in known], LEVEL, 0.08, "case")
 
 
 def test_repeats_on_other_times_agree() -> None:
@@ -55,7 +65,7 @@ def test_the_odd_one_out_is_named(n: int) -> None:
     repeats = [repeat(f"r{i}", fall(T) + noise(i, 2e-4)) for i in range(n)]
     repeats[1] = repeat("r1", np.maximum(fall(T), 0.06) + noise(1, 2e-4))  # jams half-way
     with pytest.raises(ConfigError, match=r"level of r1 differs" if n > 2 else r"level of r. "):
-        agreeing(repeats, LEVEL, 0.1, "case")
+        agreeing(repeats, LEVEL, 0.05, "case")
 
 
 def test_the_tolerance_is_the_users() -> None:
@@ -73,10 +83,10 @@ def test_roughness_is_the_noise_of_a_smooth_series() -> None:
 
 @pytest.mark.parametrize("values", [[0.52, 0.49], [0.5, 0.55, 0.48, 0.51], [0.3, 0.38]])
 def test_numbers_that_scatter_agree(values: list[float]) -> None:
-    check_scalars([Repeat("", {}, {"angle": v}) for v in values], ANGLE, 0.1, "case")
+    check_scalars([Repeat("", {}, {"angle": v}) for v in values], ANGLE, 0.05, "case")
 
 
 @pytest.mark.parametrize("values", [[0.5, 0.2], [0.5, 0.52, 0.9], [0.5, 0.5, 0.5, 0.5, 0.1]])
 def test_numbers_that_contradict_are_refused(values: list[float]) -> None:
     with pytest.raises(ConfigError, match=r"angle = .* differs from the other repeats"):
-        check_scalars([Repeat("", {}, {"angle": v}) for v in values], ANGLE, 0.1, "case")
+        check_scalars([Repeat("", {}, {"angle": v}) for v in values], ANGLE, 0.05, "case")
