@@ -12,26 +12,29 @@ from mfopt.arrays import Array
 from mfopt.errors import ConfigError
 
 NOISE_FACTOR = 5.0  # a difference within so many sd of its own noise is none
-SCALAR_FACTOR = 6.0  # numbers may differ by so many times the tolerance of series
+OFFSET_FACTOR = 3.0 * math.sqrt(2.0)  # two zeros, 3 sd each
+SAID = 0.5  # share of the tolerance above which a difference is said
+SCALAR_FACTOR = 3.0  # numbers may differ by so many times the tolerance of series
 GRID = 200  # times at which series are compared
 SHIFTS = 41  # tried between minus and plus half of the shorter series
 SMALLEST_SCALE = 0.01  # of the channel's size; smaller ranges are no signal
 
 
 def agreeing(
-    repeats: Sequence[Repeat], channel: Channel, tolerance: float, where: str
+    repeats: Sequence[Repeat], channel: Channel, tolerance: float, where: str, offset: float = 0.0
 ) -> tuple[Repeat, ...]:
-    """The repeats, with a note where one starts later than the first.
+    """The repeats, with a note where one starts later than the first, or is unlike the others.
 
     A repeat contradicts the others if, at the best shift in time, the rms difference between its
-    series and the median of the others exceeds `tolerance` times the range of the series, and five
-    times the noise of the series.
+    series and the median of the others exceeds `tolerance` times the range of the series, what a
+    stated error of the zero explains, and five times the noise of the series.
 
     Args:
         repeats: runs under the same conditions.
         channel: that is compared.
         tolerance: share of the range.
         where: case file and recording, for messages.
+        offset: stated error of the zero, 1 sd, in the channel's unit.
 
     Raises:
         ConfigError: if one contradicts the others, or is a copy.
@@ -47,7 +50,8 @@ def agreeing(
     pairs = zip(series[1:], free[1:], strict=True)
     shifts = [0.0, *(best_shift(series[0], s, free=free[0] or its) for s, its in pairs)]
     k, far, noise, scale = _farthest(series, shifts, channel)
-    if far > tolerance * scale and far > NOISE_FACTOR * noise:
+    explained = max(NOISE_FACTOR * noise, OFFSET_FACTOR * offset)
+    if far > max(tolerance * scale, explained):
         others = ", ".join(file for i, file in enumerate(files) if i != k)
         raise ConfigError(
             f"{where}: {channel.name} of {files[k]} differs from {others} by {far:.3g} "
@@ -55,13 +59,20 @@ def agreeing(
             f"{tolerance:.0%}; these are no repeats: leave one out, make it a recording of its "
             "own, or raise repeat_tolerance in [measurement]"
         )
+    if far > max(SAID * tolerance * scale, explained):
+        _add_note(checked, having[k], f"{channel.name} differs by {far / scale:.0%} of the range "
+                  "from the other repeats.")  # fmt: skip
     for i, shift, its in zip(having, shifts, series, strict=True):
         step = float(np.median(np.diff(its.times)))
         if abs(shift) > 3.0 * max(checked[i].start_sd_s, step):
             early = "later" if shift > 0.0 else "earlier"
-            note = f"{channel.name} starts {abs(shift):.3g} s {early} than in {files[0]}."
-            checked[i] = replace(checked[i], notes=(*checked[i].notes, note))
+            said = f"{channel.name} starts {abs(shift):.3g} s {early} than in {files[0]}."
+            _add_note(checked, i, said)
     return tuple(checked)
+
+
+def _add_note(repeats: list[Repeat], i: int, note: str) -> None:
+    repeats[i] = replace(repeats[i], notes=(*repeats[i].notes, note))
 
 
 def check_scalars(
@@ -70,7 +81,7 @@ def check_scalars(
     """Refuse a number that is far from the median of the other repeats.
 
     Raises:
-        ConfigError: if it differs by more than six times `tolerance`, relative to that median.
+        ConfigError: if it differs by more than three times `tolerance`, relative to that median.
     """
     values = [r.scalars[channel.name] for r in repeats if channel.name in r.scalars]
     limit = SCALAR_FACTOR * tolerance

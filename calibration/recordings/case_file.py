@@ -59,7 +59,7 @@ def complete_case(settings: CaseSettings, path: Path, channels: Channels) -> Cas
         if table.limits is not None
     }
     recordings = tuple(
-        _recording(its, settings, path, channels, limits) for its in settings.recording
+        _recording(its, settings, path, channels, limits, known) for its in settings.recording
     )
     _check_recordings(recordings, path)
     return Case(
@@ -78,6 +78,7 @@ def _recording(
     path: Path,
     channels: Channels,
     limits: Mapping[str, tuple[float, float]],
+    known: Mapping[str, Known],
 ) -> Recording:
     where = f"{path}: recording {its.name!r}"
     repeats = tuple(
@@ -94,7 +95,8 @@ def _recording(
     recording = Recording(its.name, its.conditions, repeats, its.held_out)
     tolerance = settings.measurement.repeat_tolerance
     for name in recording.channels:
-        repeats = agreeing(repeats, channels[name], tolerance, where)
+        offset = known.get(name, Known()).offset
+        repeats = agreeing(repeats, channels[name], tolerance, where, offset)
     for name in recording.scalars:
         check_scalars(repeats, channels[name], tolerance, where)
     return Recording(its.name, its.conditions, repeats, its.held_out)

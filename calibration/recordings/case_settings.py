@@ -90,7 +90,7 @@ class MeasurementSettings(Settings):
 
     clock_error: float = Field(default=0.0, ge=0.0, le=0.5)
     clock_offset_s: float | Literal["unknown"] | None = None  # None: judged from each file
-    repeat_tolerance: float = Field(default=0.05, gt=0.0, le=10.0)
+    repeat_tolerance: float = Field(default=0.1, gt=0.0, le=10.0)
 
     @field_validator("clock_offset_s")
     @classmethod

@@ -248,7 +248,7 @@ REFUSED = [
     Flaw("missing file", {"a.csv": clean()}, ("b.csv does not exist", "folder"), True,
          case=case_text({"b.csv": ""})),
     Flaw("repeat of another experiment", {"a.csv": clean(), "b.csv": clean(1), "c.csv": series(
-         T, 95.0 - 40.0 * np.tanh(T))}, ("level of c.csv differs", "limit of 5%", "leave one"),
+         T, 95.0 - 40.0 * np.tanh(T))}, ("level of c.csv differs", "limit of 10%", "leave one"),
          True),
     Flaw("repeat that jams", {"a.csv": clean(), "b.csv": series(T, np.maximum(level(seed=1)[1],
          70.0 + 0.1 * np.sin(99 * T)))}, ("differs from", "repeat_tolerance"), True),
