@@ -6,7 +6,7 @@
 
 1 800 spheres of 5 mm +-5 %, E = 2 MPa, Hertz-Mindlin, restitution 0.7, leave a box of 120 x 30 mm
 through a slot of 30 mm in a floor of 4 mm. `--factor` is the time step over r_min sqrt(density / E);
-without one the engine `numba` takes its own. Both engines start from the same packing.
+without one the step is the default of the scene. Both engines start from the same packing.
 A run that is there is not run again.
 """  # noqa: E501
 
@@ -67,7 +67,7 @@ class Task:
     """One run of the rig."""
 
     engine: str
-    factor: float | None  # time step over r_min sqrt(density / E); None: the engine's own
+    factor: float | None  # time step over r_min sqrt(density / E); None: the default
     effect: str
     seed: int
 
@@ -121,7 +121,7 @@ def run_once(task: Task) -> dict[str, object]:
         contact_law="hertz",
         restitution=0.7,
         damping=0.0,
-        timestep_factor=task.factor if task.engine == "yade" and task.factor else 0.6,
+        timestep_factor=task.factor if task.engine == "yade" else None,
         effects={} if task.effect == NONE else {task.effect: dict(STRENGTHS[task.effect])},
     )
     scene = Discharge(rig())

@@ -22,7 +22,7 @@ class Curves:
     """The runs of one engine with one time step and one effect."""
 
     engine: str
-    factor: float  # time step over r_min sqrt(density / E); 0: the engine's own
+    factor: float  # time step over r_min sqrt(density / E); 0: the default
     effect: str
     seeds: tuple[int, ...]
     series: Mapping[str, Array]  # by channel (seeds, s)
@@ -57,7 +57,7 @@ def report(curves: Sequence[Curves]) -> str:
 
 def _step_row(reference: Curves, other: Curves) -> str:
     ratios = [f"{distance(reference.series[c], other.series[c], SMALLEST[c]):.2f}" for c in CHECKED]
-    step = f"{other.factor:g}" if other.factor else "its own"
+    step = f"{other.factor:g}" if other.factor else "the default"
     return (
         f"| {other.engine} | {step} | {1e6 * other.timestep:.0f} | {len(other.seeds)} | "
         f"{other.cpu_s:.1f} | {' | '.join(ratios)} |"
