@@ -132,7 +132,7 @@ def run_once(task: Task) -> dict[str, object]:
         "engine": task.engine, "factor": task.factor, "effect": task.effect, "seed": task.seed,
         "status": outcome.status, "why": outcome.why, "cpu_s": round(outcome.cpu_s, 2),
         "timestep": float(raw["timestep"]) if outcome.finished else None,
-        **{c: [float(f"{v:.5g}") for v in raw[c]] for c in CHANNELS if outcome.finished},
+        **{c: [round(float(v), 5) for v in raw[c]] for c in CHANNELS if outcome.finished},
     }  # fmt: skip
 
 
