@@ -2,8 +2,9 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
-from recordings_corpus import CHANNELS, READ, REFUSED, Flaw, write
+from recordings_corpus import CHANNELS, READ, REFUSED, Flaw, clean, write
 
 from calibration.recordings.case_file import read_case
 from mfopt.errors import ConfigError
@@ -23,3 +24,19 @@ def test_refused_with_the_place(flaw: Flaw, tmp_path: Path) -> None:
         read_case(write(flaw, tmp_path), CHANNELS)
     for part in flaw.says:
         assert part in str(error.value)
+
+
+def test_damaged_files_are_read_or_refused(tmp_path: Path) -> None:
+    outcomes = set()
+    for seed in range(300):
+        rng, damaged = np.random.default_rng(seed), bytearray(clean().encode()[:400])
+        at = int(rng.integers(len(damaged)))
+        junk = bytes(rng.integers(0, 256, int(rng.integers(0, 4))).tolist())
+        damaged[at : at + int(rng.integers(0, 30))] = junk
+        path = write(Flaw("", {"a.csv": bytes(damaged)}, (), refused=False), tmp_path)
+        try:
+            read_case(path, CHANNELS)
+            outcomes.add("read")
+        except ConfigError as error:
+            outcomes.add("refused" if "a.csv" in str(error) else "refused without the file")
+    assert outcomes == {"read", "refused"}
