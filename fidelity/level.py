@@ -46,7 +46,7 @@ class SceneLevel:
             portion.grain, portion.grain_material, portion.wall_material, portion.physics
         )
         steps = cycle.duration_s / timestep
-        spheres = self.dem.grains * self.dem.spheres_per_grain
+        spheres = self.dem.grains * len(portion.grain.radii)
         return cycle.share * spheres * steps * self.engine.cost_factor
 
     def evaluate(self, x: Array, *, seed: int) -> Outcome:

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from calibration.recordings.records import Channel, Repeat, Series
+from calibration.recordings.records import Repeat, Series
 from mfopt.arrays import Array
 from mfopt.errors import ConfigError
+from mfopt.records.rig import Channel
 
 NOISE_FACTOR = 5.0  # a difference within so many sd of its own noise is none
 OFFSET_FACTOR = 3.0 * math.sqrt(2.0)  # two zeros, 3 sd each

@@ -15,10 +15,11 @@ from calibration.recordings.case_settings import (
     read_case_settings,
 )
 from calibration.recordings.header import unit_for
-from calibration.recordings.records import Channel, Recording, Repeat
+from calibration.recordings.records import Recording, Repeat
 from calibration.recordings.series_file import Source, read_repeat
 from calibration.recordings.size import check_number
 from mfopt.errors import ConfigError
+from mfopt.records.rig import Channel
 from mfopt.settings import nearest
 
 Channels = Mapping[str, Channel]

@@ -4,10 +4,10 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from calibration.recordings.records import Channel
 from calibration.recordings.text import Row
 from calibration.recordings.units import FRAMES, Unit, unit_of, units_like
 from mfopt.errors import ConfigError
+from mfopt.records.rig import Channel
 from mfopt.settings import nearest
 
 TIMES = ("time", "t")

@@ -9,22 +9,6 @@ from mfopt.arrays import Array, BoolArray, frozen
 from mfopt.errors import ConfigError
 
 
-@dataclass(frozen=True, slots=True)
-class Channel:
-    """A quantity that a rig can give, as a series over time or as a number."""
-
-    name: str
-    unit: str  # SI; "-" for a pure number
-    size: float  # typical largest value [unit]; recorded values far off it are refused
-
-    def __post_init__(self) -> None:
-        if not 0.0 < self.size < np.inf:
-            raise ConfigError(
-                f"channel {self.name!r}: size = {self.size:g} must be a finite number above 0; "
-                "give the largest value that is usual"
-            )
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Series:
     """One channel over time."""

@@ -10,12 +10,13 @@ import numpy as np
 from calibration.recordings import quality
 from calibration.recordings.header import TIME, Column, Layout, columns_of
 from calibration.recordings.numbers import check_one_decimal_sign, is_number, number_of
-from calibration.recordings.records import Channel, Repeat, Series
+from calibration.recordings.records import Repeat, Series
 from calibration.recordings.size import check_size
 from calibration.recordings.text import Row, Table, counted, read_table
 from calibration.recordings.units import unit_of
 from mfopt.arrays import Array, BoolArray, IntArray
 from mfopt.errors import ConfigError
+from mfopt.records.rig import Channel
 from mfopt.settings import nearest
 
 COARSE = 0.002  # share of a series' range; larger steps between values are said

@@ -3,10 +3,10 @@
 import numpy as np
 
 from calibration.recordings.quality import slipped
-from calibration.recordings.records import Channel
 from calibration.recordings.units import Unit, likely_unit
 from mfopt.arrays import Array, IntArray
 from mfopt.errors import ConfigError
+from mfopt.records.rig import Channel
 
 # Half way, as a ratio, to the next unit: 1 000 for most, 100 for shares (percent).
 FACTOR = 30.0

@@ -42,16 +42,18 @@ def line_grain(length: float, width: float, spheres: int, density: float) -> Gra
     """Grain of that length and width [m] made of equal spheres in a line.
 
     With so few spheres that they do not touch, the gaps stay: only length and width are kept.
+    A grain as long as wide is one sphere: several in one place would only be stiffer.
 
     Raises:
         ConfigError: if the grain is wider than long.
     """
     volume, axial, across = _moments(length, width, spheres)
-    offsets = np.zeros((spheres, 3))
-    offsets[:, 0] = _centres(length, width, spheres)
+    centres = _centres(length, width, spheres)
+    offsets = np.zeros((len(centres), 3))
+    offsets[:, 0] = centres
     return Grain(
         offsets=frozen(offsets),
-        radii=frozen(np.full(spheres, width / 2)),
+        radii=frozen(np.full(len(centres), width / 2)),
         mass=density * volume,
         inertia=frozen(density * np.array([axial, across, across])),
     )
@@ -62,8 +64,8 @@ def _centres(length: float, width: float, spheres: int) -> Array:
         raise ConfigError(
             f"grain length = {length:g} m must be at least its width = {width:g} m; exchange them"
         )
-    reach = (length - width) / 2 if spheres > 1 else 0.0
-    return np.linspace(-reach, reach, spheres) if spheres > 1 else np.zeros(1)
+    reach = (length - width) / 2
+    return np.linspace(-reach, reach, spheres) if spheres > 1 and reach > 0.0 else np.zeros(1)
 
 
 def _moments(length: float, width: float, spheres: int) -> tuple[float, float, float]:

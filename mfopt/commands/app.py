@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from mfopt.commands.calibrate import calibrate
 from mfopt.commands.check import check
 from mfopt.commands.evaluate import evaluate
 from mfopt.commands.geometry import geometry
@@ -37,5 +38,5 @@ def main(
     """Find the best design of a granular machine with few simulation runs."""
 
 
-for function in (init, check, run, status, report, evaluate, geometry, ladder):
+for function in (init, check, run, status, report, evaluate, geometry, ladder, calibrate):
     app.command()(exit_codes(function))

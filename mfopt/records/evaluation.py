@@ -19,6 +19,9 @@ Purpose = Literal[
     "confirm baseline",
     "reference best",
     "reference baseline",
+    "design",  # of a calibration: parameters spread over their ranges
+    "refine",  # parameters that the recordings leave possible
+    "predict",  # the same, to be compared with the recordings
 ]
 
 

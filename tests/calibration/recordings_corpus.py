@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.recordings.records import Channel
 from mfopt.arrays import Array
+from mfopt.records.rig import Channel
 
 CHANNELS = {
     c.name: c

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from calibration.recordings.agreement import agreeing, best_shift, check_scalars, roughness
-from calibration.recordings.records import Channel, Repeat, Series
+from calibration.recordings.records import Repeat, Series
 from mfopt.arrays import Array
 from mfopt.errors import ConfigError
+from mfopt.records.rig import Channel
 
 LEVEL = Channel("level", "m", 0.1)
 ANGLE = Channel("angle", "rad", 0.5)

@@ -8,7 +8,7 @@ import pytest
 from calibration.recordings.case import Known
 from calibration.recordings.case_file import read_case
 from calibration.recordings.noise import measurement_noise
-from calibration.recordings.records import Channel
+from mfopt.records.rig import Channel
 
 ROOT = Path(
     os.environ.get("MFOPT_RECORDINGS", Path(__file__).parents[2] / ".." / "shared" / "data")

@@ -75,7 +75,7 @@ def test_grains_below_the_top_of_a_thick_floor_have_not_left() -> None:
     # A slot 20 mm deep holds 120 grains more than none: they count once they are below it.
     thick = mfopt.load_scene("discharge", floor_mm=20).run(grains=150, spheres_per_grain=1)
     thin = run()
-    level = {name: its.series["fill level"][1][0] for name, its in (("a", thick), ("b", thin))}
+    level = {name: its.series["level"][1][0] for name, its in (("a", thick), ("b", thin))}
     assert level["a"] - level["b"] == pytest.approx(0.020 * (1.0 - 30.0 / 120.0), abs=0.004)
     assert thick.outcome.raw["lost"] == 0.0
 

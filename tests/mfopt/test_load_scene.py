@@ -25,7 +25,7 @@ def test_a_run_prints_its_quantities_in_a_few_lines(run: SceneRun) -> None:
 
 def test_series_run_from_a_full_hopper_to_an_emptier_one(run: SceneRun) -> None:
     times, fraction = run.series["discharged fraction"]
-    _, level = run.series["fill level"]
+    _, level = run.series["level"]
     assert times.shape == fraction.shape == level.shape == (51,)
     assert fraction[0] == 0.0
     assert (np.diff(fraction) >= 0.0).all()
@@ -37,7 +37,7 @@ def test_a_run_becomes_a_frame_and_a_figure(run: SceneRun) -> None:
     frame = run.frame()
     assert list(frame.columns) == list(run.series)
     assert frame.index.name == "time [s]"
-    assert np.array_equal(frame["fill level"].to_numpy(), run.series["fill level"][1])
+    assert np.array_equal(frame["level"].to_numpy(), run.series["level"][1])
     page = io.BytesIO()
     run.plot().savefig(page)
     assert page.getbuffer().nbytes > 10_000

@@ -42,9 +42,9 @@ def criteria(wanted: Wanted) -> Criteria:
         "mass flow rate",
         (
             Series("discharged fraction", "-", _sampled("discharged_fraction"), (1e2, "%")),
-            Series("fill level", "m", _sampled("level"), (1e3, "mm")),
-            Series("fill level, left half", "m", _sampled("level_left"), (1e3, "mm")),
-            Series("fill level, right half", "m", _sampled("level_right"), (1e3, "mm")),
+            Series("level", "m", _sampled("level"), (1e3, "mm")),
+            Series("level left", "m", _sampled("level_left"), (1e3, "mm")),
+            Series("level right", "m", _sampled("level_right"), (1e3, "mm")),
         ),
         wanted.model_dump(mode="json"),
     )

@@ -1,0 +1,227 @@
+"""The runs of a calibration: which parameters, under which conditions, on which seeds.
+
+First the parameters are spread over their ranges (Sobol); a part of them runs twice, on another
+packing. Then they are drawn from what the first runs leave possible. Last, the posterior is run
+itself: under the conditions of the fitted recordings to verify the emulators, under those of the
+others to predict them.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import qmc
+
+from calibration.likelihood import EVERY_PART, Parts, likelihood
+from calibration.observed import Observed, observed
+from calibration.posterior import LIVE, Posterior, from_unit, prior_transform, sample, to_unit
+from calibration.recordings.case import Case, Parameter
+from calibration.recordings.records import Noise, Recording
+from mfopt.arrays import Array
+from mfopt.errors import ConfigError, SimulationError
+from mfopt.records.evaluation import Candidate, Evaluation, Purpose
+from mfopt.records.rig import TIME
+from surrogates.series import SeriesEmulator, fit_series
+
+FIRST = 0.6  # of the runs that the emulators learn from are spread over the ranges
+REPLICATED = 0.25  # of these parameters run twice
+PREDICTED = 6  # runs of the posterior for each recording
+FEWEST = 16  # runs that an emulator needs, before the posterior is run
+WIDER = 1.5  # times as wide as the posterior are the later parameters drawn
+ROUGH = 40  # points of the sampler that decides where the later runs are
+MOST_FAILED = 0.5  # of the runs of a recording
+
+Evaluate = Callable[[Sequence[Candidate]], list[Evaluation]]  # runs, stores, resumes
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fitted:
+    """What the runs say of the parameters."""
+
+    observations: tuple[Observed, ...]  # of the fitted recordings
+    emulators: tuple[SeriesEmulator, ...]
+    posterior: Posterior
+    misfit: float  # of the best parameters: chi-squared
+    freedom: int  # its degrees of freedom
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Predicted:
+    """A recording beside runs of the posterior."""
+
+    observation: Observed
+    runs: Array  # (n, p) one run each, on a packing and parameters of its own
+    parameters: Array  # (n, d)
+    held_out: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Campaign:
+    """A whole calibration."""
+
+    fitted: Fitted
+    predicted: tuple[Predicted, ...]
+    evaluations: tuple[Evaluation, ...]
+
+
+def calibrate(
+    case: Case,
+    noises: Mapping[str, Noise],
+    evaluate: Evaluate,
+    runs: int,
+    parts: Parts = EVERY_PART,
+) -> Campaign:
+    """Fit the parameters of a case.
+
+    Args:
+        case: with at least one recording that is fitted.
+        noises: measurement noise by channel.
+        evaluate: makes runs, in the order given; the level is the name of the recording.
+        runs: to be made in all.
+        parts: errors that count.
+
+    Raises:
+        ConfigError: if the runs are too few.
+        SimulationError: if most runs of a recording fail.
+    """
+    each = runs_of_each(case, runs)
+    spread = round(FIRST * each)
+    made = list(evaluate(_spread(case, spread)))
+    first = fit(case, noises, made, parts, live=ROUGH)
+    later = _refined(case, first.posterior, each - spread, len(made))
+    made += evaluate(later)
+    fitted = fit(case, noises, made, parts)
+    last = evaluate(_predictions(case, fitted.posterior, len(made)))
+    predicted = tuple(_predicted(case, recording, noises, last) for recording in case.recordings)
+    return Campaign(fitted, predicted, (*made, *last))
+
+
+def runs_of_each(case: Case, runs: int) -> int:
+    """Runs from which the emulator of each fitted recording learns.
+
+    Raises:
+        ConfigError: if there are too few.
+    """
+    if not case.fitted:
+        raise ConfigError("all recordings are held out; fit at least one")
+    each = (runs - PREDICTED * len(case.recordings)) // len(case.fitted)
+    if each < FEWEST:
+        least = FEWEST * len(case.fitted) + PREDICTED * len(case.recordings)
+        raise ConfigError(
+            f"{runs} runs are too few for {len(case.fitted)} fitted recordings and "
+            f"{len(case.held_out)} held out; give at least {least}"
+        )
+    return each
+
+
+def fit(
+    case: Case,
+    noises: Mapping[str, Noise],
+    made: Sequence[Evaluation],
+    parts: Parts,
+    live: int = LIVE,
+) -> Fitted:
+    """Emulators, likelihood and posterior from the runs made so far."""
+    observations, emulators = [], []
+    for recording in case.fitted:
+        its = _finished(made, recording.name)
+        seen = observed(recording, case.measurement, noises, _end(its))
+        rows = np.array([seen.row(e.outcome.raw) for e in its])
+        z = to_unit(case.parameters, np.array([e.candidate.x for e in its]))
+        observations.append(seen)
+        emulators.append(fit_series(z, rows, [block.size for block in seen.blocks]))
+    likely = likelihood(observations, emulators, parts)
+    posterior = sample(likely, case.parameters, seed=case.seed, live=live)
+    residual, covariance = likely.residual(to_unit(case.parameters, posterior.best))
+    misfit = float(residual @ np.linalg.solve(covariance, residual))
+    freedom = max(1, len(residual) - len(case.parameters))
+    return Fitted(tuple(observations), tuple(emulators), posterior, misfit, freedom)
+
+
+def _finished(made: Sequence[Evaluation], name: str) -> list[Evaluation]:
+    """The finished runs under the conditions of a recording.
+
+    Raises:
+        SimulationError: if most failed; with the last reason.
+    """
+    all_of_it = [e for e in made if e.candidate.level == name]
+    its = [e for e in all_of_it if e.outcome.finished]
+    if len(its) < MOST_FAILED * len(all_of_it):
+        why = next(e.outcome.why for e in reversed(all_of_it) if not e.outcome.finished)
+        raise SimulationError(
+            f"recording {name!r}: {len(all_of_it) - len(its)} of {len(all_of_it)} runs failed, the "
+            f"last because {why}"
+        )
+    return its
+
+
+def _end(made: Sequence[Evaluation]) -> float:
+    """The end of the shortest run [s]; 1 where runs give no series."""
+    ends = [float(e.outcome.raw[TIME][-1]) for e in made if TIME in e.outcome.raw]
+    return min(ends, default=1.0)
+
+
+def _spread(case: Case, each: int) -> list[Candidate]:
+    """Parameters spread over their ranges, for every fitted recording."""
+    transform = prior_transform(case.parameters)
+    new = max(1, round(each / (1.0 + REPLICATED)))
+    points = []
+    for number, recording in enumerate(case.fitted):
+        sobol = qmc.Sobol(len(case.parameters), rng=np.random.default_rng([case.seed, number]))
+        cube = sobol.random(1 << (new - 1).bit_length())[:new]
+        z = np.array([transform(u) for u in cube])
+        z = np.vstack([z, z[: each - new]])
+        points.append((recording, z))
+    return _candidates(case.parameters, points, 0, "design")
+
+
+def _refined(case: Case, posterior: Posterior, each: int, first: int) -> list[Candidate]:
+    """Parameters drawn around the posterior, somewhat wider."""
+    z = to_unit(case.parameters, posterior.draws)
+    points = []
+    new = max(1, round(each / (1.0 + REPLICATED)))
+    for number, recording in enumerate(case.fitted):
+        rng = np.random.default_rng([case.seed, 1000 + number])
+        chosen = z[rng.integers(0, len(z), new)]
+        chosen = np.clip(z.mean(axis=0) + WIDER * (chosen - z.mean(axis=0)), 0.0, 1.0)
+        points.append((recording, np.vstack([chosen, chosen[: each - new]])))
+    return _candidates(case.parameters, points, first, "refine")
+
+
+def _predictions(case: Case, posterior: Posterior, first: int) -> list[Candidate]:
+    """Draws of the posterior under the conditions of every recording."""
+    rng = np.random.default_rng([case.seed, 2000])
+    z = to_unit(case.parameters, posterior.draws)
+    points = [(r, z[rng.integers(0, len(z), PREDICTED)]) for r in case.recordings]
+    return _candidates(case.parameters, points, first, "predict")
+
+
+def _candidates(
+    parameters: Sequence[Parameter],
+    points: Sequence[tuple[Recording, Array]],
+    first: int,
+    purpose: Purpose,
+) -> list[Candidate]:
+    """One run a point, each on a packing of its own; the recordings in turn."""
+    made: list[Candidate] = []
+    for row in range(max(len(z) for _, z in points)):
+        for recording, z in points:
+            if row < len(z):
+                index = first + len(made)
+                x = np.clip(
+                    from_unit(parameters, z[row]),
+                    [p.low for p in parameters],
+                    [p.high for p in parameters],
+                )
+                made.append(Candidate(index, x, recording.name, index + 1, 0, purpose))
+    return made
+
+
+def _predicted(
+    case: Case, recording: Recording, noises: Mapping[str, Noise], last: Sequence[Evaluation]
+) -> Predicted:
+    its = _finished(last, recording.name)
+    seen = observed(recording, case.measurement, noises, _end(its))
+    rows = np.array([seen.row(e.outcome.raw) for e in its])
+    x = np.array([e.candidate.x for e in its])
+    return Predicted(seen, rows, x, recording.held_out)

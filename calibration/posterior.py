@@ -1,0 +1,114 @@
+"""The posterior of the parameters, by nested sampling.
+
+Nested sampling (dynesty) needs no starting point, finds separate modes, and gives the evidence by
+which models are compared. A run of some ten thousand likelihoods takes seconds.
+
+Source: Skilling 2006, doi:10.1214/06-BA127; Speagle 2020, doi:10.1093/mnras/staa278.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.stats import truncnorm, uniform
+
+from calibration.recordings.case import Parameter
+from mfopt.arrays import Array, frozen
+
+LIVE = 100  # points; the log evidence is known to about 0.2
+STOP = 0.05  # of the log evidence that may be missing
+DRAWS = 2000
+LEVEL = 0.9  # of the intervals
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Posterior:
+    """What the recordings leave possible."""
+
+    parameters: tuple[Parameter, ...]
+    draws: Array  # (n, d) in the parameters' units, equally likely
+    best: Array  # (d,) the most likely draw
+    log_evidence: float
+    log_evidence_sd: float
+    calls: int  # of the likelihood
+
+    def interval(self, level: float = LEVEL) -> Array:
+        """Bounds (d, 2) that hold each parameter with that probability, in its unit."""
+        tail = (1.0 - level) / 2.0
+        return np.quantile(self.draws, [tail, 1.0 - tail], axis=0).T
+
+    @property
+    def mean(self) -> Array:
+        """Mean (d,)."""
+        return np.asarray(self.draws.mean(axis=0))
+
+
+def to_unit(parameters: Sequence[Parameter], x: Array) -> Array:
+    """Parameters (..., d) in the unit cube of their ranges."""
+    low, width = _ranges(parameters)
+    return np.asarray((x - low) / width)
+
+
+def from_unit(parameters: Sequence[Parameter], z: Array) -> Array:
+    """Parameters (..., d) in their units."""
+    low, width = _ranges(parameters)
+    return np.asarray(low + z * width)
+
+
+def prior_transform(parameters: Sequence[Parameter]) -> Callable[[Array], Array]:
+    """From equally likely points of the cube (d,) to draws of the prior in the unit cube (d,)."""
+    priors = [_prior(p) for p in parameters]
+
+    def transform(u: Array) -> Array:
+        return np.array([prior.ppf(v) for prior, v in zip(priors, u, strict=True)])
+
+    return transform
+
+
+def _prior(its: Parameter) -> Any:  # a frozen distribution of scipy
+    if its.mean is None or its.sd is None:
+        return uniform()
+    width = its.high - its.low
+    mean, sd = (its.mean - its.low) / width, its.sd / width
+    return truncnorm(-mean / sd, (1.0 - mean) / sd, loc=mean, scale=sd)
+
+
+def _ranges(parameters: Sequence[Parameter]) -> tuple[Array, Array]:
+    low = np.array([p.low for p in parameters])
+    return low, np.array([p.high for p in parameters]) - low
+
+
+def sample(
+    log_likelihood: Callable[[Array], float],
+    parameters: Sequence[Parameter],
+    *,
+    seed: int,
+    live: int = LIVE,
+) -> Posterior:
+    """Sample the posterior.
+
+    Args:
+        log_likelihood: at parameters (d,) in the unit cube.
+        parameters: with their priors.
+        seed: of the sampler.
+        live: points; the error of the log evidence falls with the root of their number.
+    """
+    from dynesty import NestedSampler  # a second, which only this needs
+
+    rng = np.random.default_rng(seed)
+    sampler = NestedSampler(
+        log_likelihood, prior_transform(parameters), len(parameters), nlive=live, rstate=rng
+    )
+    sampler.run_nested(dlogz=STOP, print_progress=False)
+    results = sampler.results
+    equal = results.samples_equal(rstate=rng)
+    chosen = equal[rng.integers(0, len(equal), DRAWS)]
+    return Posterior(
+        parameters=tuple(parameters),
+        draws=frozen(from_unit(parameters, chosen)),
+        best=frozen(from_unit(parameters, results.samples[-1])),
+        log_evidence=float(results.logz[-1]),
+        log_evidence_sd=float(results.logzerr[-1]),
+        calls=int(np.sum(results.ncall)),
+    )

@@ -1,0 +1,34 @@
+"""What calibration asks of a simulator: parameters, conditions and seed in, named series out."""
+
+from collections.abc import Mapping
+from typing import Protocol
+
+from mfopt.records.level import Level
+from mfopt.records.rig import Channel, RigParameter
+
+Conditions = Mapping[str, float | str]
+
+
+class Rig(Protocol):
+    """A simulator of the experiment: a scene of mfopt or the user's own program."""
+
+    @property
+    def channels(self) -> Mapping[str, Channel]:
+        """Series over time and numbers that a run gives, by name."""
+
+    def parameter(self, name: str) -> RigParameter | None:
+        """Range and unit of a parameter; None if the rig cannot know them.
+
+        Raises:
+            ConfigError: if the rig has no such parameter.
+        """
+
+    def level(self, name: str, conditions: Conditions, parameters: tuple[str, ...]) -> Level:
+        """The simulator under these conditions.
+
+        The design of the level is the value of each parameter, in that order. The raw results of a
+        run hold `time` (s,) [s], each series (s,) and each number (0-d) by channel, SI units.
+
+        Raises:
+            ConfigError: if a condition is wrong.
+        """

@@ -1,0 +1,261 @@
+"""A scene of mfopt as the simulator of an experiment: parameters and conditions in, series out.
+
+The grains have their real size: their number follows from the portion. A condition is a setting of
+the scene; the condition `scene` chooses another scene with the same grains.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from fidelity.effects.switch import EFFECTS
+from fidelity.engine import Engine
+from fidelity.grains.grain import grain_volume
+from fidelity.grains.settings import DemSettings
+from fidelity.level import SceneLevel
+from fidelity.scene import Scene, read_scene
+from fidelity.scenes.beads import MILLI, Vessel
+from mfopt.arrays import AnyArray, Array, frozen
+from mfopt.errors import ConfigError
+from mfopt.records.objective import Criteria
+from mfopt.records.outcome import Outcome
+from mfopt.records.rig import TIME, Channel, RigParameter
+from mfopt.settings import checked, nearest
+
+FEWEST_GRAINS, MOST_GRAINS = 20, 100_000
+BESIDE = 0.1  # bounds of the one free measure, over its value
+SCENE = "scene"  # the condition that chooses a scene
+# A hard contact law with a restitution, as measured for grains; no numerical damping.
+NUMERICS: Mapping[str, Any] = {
+    "contact_law": "hertz", "restitution": 0.7, "damping": 0.0, "young_modulus_pa": 2e6,
+}  # fmt: skip
+
+Changed = Callable[[dict[str, Any], dict[str, Any], float], None]  # of scene and numerics
+
+
+def _angle(key: str) -> Changed:
+    """Sets a friction angle from a friction coefficient."""
+
+    def change(own: dict[str, Any], dem: dict[str, Any], value: float) -> None:
+        angle = math.degrees(math.atan(value))
+        if key == "grain":
+            own["grain"] = {**own["grain"], "friction_angle_deg": angle}
+        else:
+            own[key] = angle
+
+    return change
+
+
+def _numeric(key: str) -> Changed:
+    def change(own: dict[str, Any], dem: dict[str, Any], value: float) -> None:
+        dem[key] = value
+
+    return change
+
+
+PARAMETERS: Mapping[str, tuple[RigParameter, Changed]] = {
+    "friction": (
+        RigParameter(0.05, 1.0, "-", "friction coefficient between grains"), _angle("grain")
+    ),
+    "wall_friction": (
+        RigParameter(0.05, 1.0, "-", "friction coefficient of grains on walls"),
+        _angle("wall_friction_angle_deg"),
+    ),
+    "restitution": (
+        RigParameter(0.2, 0.95, "-", "speed after a bounce over that before"),
+        _numeric("restitution"),
+    ),
+    "damping": (
+        RigParameter(0.0, 0.5, "-", "numerical damping of the contacts"), _numeric("damping")
+    ),
+    "young_modulus": (
+        RigParameter(2e5, 5e7, "Pa", "of the simulated grains"), _numeric("young_modulus_pa")
+    ),
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class SceneRig:
+    """Scenes that share grains. Implements `calibration.rig.Rig`."""
+
+    scenes: Mapping[str, type[Scene]]  # all that there are, by name
+    scene: str  # that is meant where a recording names none
+    settings: Mapping[str, Mapping[str, Any]]  # tables of scenes, by name
+    grains: Mapping[str, Any]  # settings of all scenes: size and material of the grains
+    numerics: Mapping[str, Any]  # of `DemSettings`, without the number of grains
+    engine: Engine
+    coarse: float = 1.0  # diameter of the simulated grains over the real one
+
+    @property
+    def channels(self) -> Mapping[str, Channel]:
+        """Series and quantities of all scenes that the rig names."""
+        found = {}
+        for name in dict.fromkeys([self.scene, *self.settings]):
+            scene = self._scene(name, {})
+            criteria, size = scene.criteria(), _largest(scene)
+            duration = scene.cycle(scene.problem().baseline).duration_s
+            units = {q.name: q.unit for q in criteria.quantities}
+            units |= {series.name: series.unit for series in criteria.series}
+            for quantity, unit in units.items():
+                typical = {
+                    "m": size, "s": duration, "kg/s": _mass(scene) / duration,
+                    "kg": _mass(scene), "rad": 1.0, "-": 1.0,
+                }[unit]  # fmt: skip
+                channel = channel_name(quantity)
+                found[channel] = Channel(channel, unit, typical)
+        return found
+
+    def parameter(self, name: str) -> RigParameter:
+        """Range and unit of a parameter: of the material, or of an effect.
+
+        Raises:
+            ConfigError: if there is none of that name.
+        """
+        if name in PARAMETERS:
+            return PARAMETERS[name][0]
+        effect, its = _effect_parameter(name)
+        found = EFFECTS[effect].effect.parameters[its]
+        return RigParameter(found.low, found.high, found.unit, f"{effect}: {found.meaning}")
+
+    def level(
+        self, name: str, conditions: Mapping[str, float | str], parameters: tuple[str, ...]
+    ) -> "RigLevel":
+        """The scene under these conditions.
+
+        Raises:
+            ConfigError: if a condition or a parameter is wrong.
+        """
+        for parameter in parameters:
+            self.parameter(parameter)
+        kind = str(conditions.get(SCENE, self.scene))
+        own = {key: value for key, value in conditions.items() if key != SCENE}
+        level = RigLevel(name, self, kind, own, parameters)
+        level.work(frozen([self.parameter(p).low for p in parameters]))
+        return level
+
+    def _scene(self, kind: str, conditions: Mapping[str, Any]) -> Scene:
+        if kind not in self.scenes:
+            raise ConfigError(f"there is no scene {kind!r}{nearest(kind, self.scenes)}")
+        own = {**self.grains, **self.settings.get(kind, {}), **conditions}
+        vessel = read_scene(self.scenes[kind], own, {}, f"scene {kind}").settings
+        assert isinstance(vessel, Vessel)
+        # Bounds are those of a search; here the one design is the vessel as it is given.
+        name, value = next(iter(vessel.values().items()))
+        free = {name: ((1.0 - BESIDE) * value, (1.0 + BESIDE) * value)}
+        return read_scene(self.scenes[kind], {**own, "free": free}, {}, f"scene {kind}")
+
+    def _own(self, kind: str, conditions: Mapping[str, Any]) -> dict[str, Any]:
+        """All settings of the scene, as a table in which parameters can be set."""
+        return self._scene(kind, conditions).settings.model_dump()
+
+
+@dataclass(frozen=True, slots=True)
+class RigLevel:
+    """A scene under fixed conditions; its design are the parameters. A `Level`."""
+
+    name: str
+    rig: SceneRig
+    kind: str
+    conditions: Mapping[str, float | str]
+    parameters: tuple[str, ...]
+
+    def work(self, x: Array) -> float:
+        """Predicted work of a run."""
+        level, design = self._level(x)
+        return level.work(design)
+
+    def evaluate(self, x: Array, *, seed: int) -> Outcome:
+        """Run once with the parameters `x` (d,)."""
+        level, design = self._level(x)
+        outcome = level.evaluate(design, seed=seed)
+        raw = series_of(level.scene.criteria(), outcome) if outcome.finished else {}
+        return replace(outcome, x=frozen(x), raw=raw)
+
+    def scene(self, x: Array) -> SceneLevel:
+        """The level of the scene with the parameters `x` (d,) set."""
+        return self._level(x)[0]
+
+    def _level(self, x: Array) -> tuple[SceneLevel, Array]:
+        own = self.rig._own(self.kind, self.conditions)
+        dem: dict[str, Any] = {**NUMERICS, **self.rig.numerics}
+        dem["effects"] = {name: dict(v) for name, v in dem.get("effects", {}).items()}
+        for name, value in zip(self.parameters, map(float, x), strict=True):
+            if name in PARAMETERS:
+                PARAMETERS[name][1](own, dem, value)
+            else:
+                effect, its = _effect_parameter(name)
+                dem["effects"].setdefault(effect, {})[its] = value
+        scene = read_scene(self.rig.scenes[self.kind], own, {}, f"scene {self.kind}")
+        assert isinstance(scene.settings, Vessel)
+        vessel = scene.settings
+        dem.setdefault("spheres_per_grain", 5)
+        dem["grains"] = _count(vessel, int(dem["spheres_per_grain"]), self.rig.coarse)
+        settings = checked(DemSettings, dem, where="rig.level")
+        level = SceneLevel(self.name, scene, settings, self.rig.engine)
+        return level, scene.problem().baseline
+
+
+def channel_name(quantity: str) -> str:
+    """Name of a quantity in recordings: `discharged fraction` is `discharged_fraction`."""
+    return quantity.replace(" ", "_")
+
+
+def series_of(criteria: Criteria, outcome: Outcome) -> dict[str, AnyArray]:
+    """Series and numbers of a finished run by channel, all series at the times `time` (s,)."""
+    raw: dict[str, AnyArray] = {}
+    for its in criteria.series:
+        raw[TIME], raw[channel_name(its.name)] = its.read(outcome.raw)
+    for name, value in criteria.quantities_of(outcome).items():
+        raw[channel_name(name)] = np.asarray(value)
+    return raw
+
+
+def _effect_parameter(name: str) -> tuple[str, str]:
+    """Effect and parameter that `EFFECT` or `EFFECT.PARAMETER` names.
+
+    Raises:
+        ConfigError: if there is none, or the effect has several and none is named.
+    """
+    effect, _, its = name.partition(".")
+    if effect not in EFFECTS:
+        raise ConfigError(f"there is no parameter {name!r}{nearest(name, [*PARAMETERS, *EFFECTS])}")
+    parameters = EFFECTS[effect].effect.parameters
+    main = [key for key, value in parameters.items() if not value.shapes]
+    if not its and len(main) == 1:
+        return effect, main[0]
+    if its not in parameters:
+        names = ", ".join(f"{effect}.{key}" for key in parameters)
+        raise ConfigError(f"parameter {name!r} must be one of {names}")
+    return effect, its
+
+
+def _count(vessel: Vessel, spheres: int, coarse: float) -> int:
+    """How many grains of the real size, or `coarse` times it, the portion has.
+
+    Raises:
+        ConfigError: if they are too few or too many.
+    """
+    length, width = MILLI * vessel.grain_length_mm, MILLI * vessel.grain_width_mm
+    mass = vessel.grain.density_kg_m3 * coarse**3 * grain_volume(length, width, spheres)
+    count = round(vessel.portion_kg / mass)
+    if not FEWEST_GRAINS <= count <= MOST_GRAINS:
+        raise ConfigError(
+            f"portion_kg = {vessel.portion_kg:g} is {count} grains, which must be "
+            f"{FEWEST_GRAINS} to {MOST_GRAINS}; "
+            "change the portion, the grains' size, or `coarse` (simulated over real diameter)"
+        )
+    return count
+
+
+def _mass(scene: Scene) -> float:
+    assert isinstance(scene.settings, Vessel)
+    return scene.settings.portion_kg
+
+
+def _largest(scene: Scene) -> float:
+    """Largest extent of the machine [m]."""
+    meshes = scene.meshes(scene.problem().baseline).values()
+    return max(float(np.ptp(mesh.vertices, axis=0).max()) for mesh in meshes)

@@ -1,0 +1,107 @@
+"""From a case file to recordings, parameters and the simulator that they are compared with."""
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field
+
+from calibration.recordings.case import Case
+from calibration.recordings.case_file import complete_case
+from calibration.recordings.case_settings import read_case_settings
+from calibration.recordings.noise import measurement_noise
+from calibration.recordings.records import Noise
+from calibration.rig import Rig
+from fidelity.rig import SceneRig
+from fidelity.scenes.beads import Vessel
+from mfopt.arrays import frozen
+from mfopt.errors import ConfigError
+from mfopt.records.level import Ladder
+from mfopt.records.objective import Criteria, Objective
+from mfopt.records.problem import Problem, Variable
+from mfopt.settings import Settings, checked
+from mfopt.study.assemble import SCENES, DemName, engine_named
+
+# A calibration compares series; its runs have no value of their own.
+COMPARED = Criteria({"none": Objective("none", lambda raw: {"none": 0.0})})
+RIG_SCENES = {name: kind for name, kind in SCENES.items() if name != "dosing"}
+
+
+class SceneRigSettings(Settings):
+    """The table `rig` of a case whose experiment is a scene of mfopt."""
+
+    scene: str
+    engine: DemName = "numba"
+    coarse: float = Field(default=1.0, ge=1.0, le=10.0)  # diameter of simulated over real grains
+    grains: dict[str, Any] = Field(default_factory=dict)  # size and material, for all scenes
+    level: dict[str, Any] = Field(default_factory=dict)  # numerics, as of a level of a study
+    tables: dict[str, dict[str, Any]] = Field(default_factory=dict)  # of scenes, by name
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AssembledCase:
+    """A case, ready to be calibrated."""
+
+    case: Case
+    rig: Rig
+    problem: Problem  # the parameters as variables
+    ladder: Ladder  # the rig under the conditions of each recording, by its name
+    noises: Mapping[str, Noise]  # by channel
+    text: str  # of the case file
+    meaning: Mapping[str, Any]  # all that the runs depend on
+
+
+def assemble_case(path: Path) -> AssembledCase:
+    """Read a case and its recordings, and build its simulator.
+
+    Raises:
+        ConfigError: if the case or a recording cannot be trusted, or the simulator is missing.
+    """
+    settings = read_case_settings(path)
+    rig = _rig(settings.rig, str(path))
+    case = complete_case(settings, path, rig.channels)
+    names = tuple(p.name for p in case.parameters)
+    units = []
+    for name in names:
+        its = rig.parameter(name)
+        units.append("-" if its is None else its.unit)
+    ladder = Ladder(tuple(rig.level(r.name, r.conditions, names) for r in case.recordings))
+    problem = Problem(
+        tuple(
+            Variable(p.name, p.low, p.high, unit)
+            for p, unit in zip(case.parameters, units, strict=True)
+        ),
+        frozen([(p.low + p.high) / 2.0 for p in case.parameters]),
+    )
+    channels = sorted({c for recording in case.recordings for c in recording.channels})
+    noises = {c: measurement_noise(case.recordings, c, case.measurement.of(c)) for c in channels}
+    text = path.read_text()
+    return AssembledCase(case, rig, problem, ladder, noises, text, _meaning(path, case, text))
+
+
+def _rig(table: Mapping[str, Any], where: str) -> Rig:
+    tables = {name: table[name] for name in RIG_SCENES if name in table}
+    rest = {key: value for key, value in table.items() if key not in RIG_SCENES}
+    its = checked(SceneRigSettings, {**rest, "tables": tables}, where=f"{where}: rig")
+    if its.scene not in RIG_SCENES:
+        raise ConfigError(
+            f"{where}: rig.scene = {its.scene!r} must be one of {', '.join(RIG_SCENES)}"
+        )
+    for name in its.grains:
+        if name not in Vessel.model_fields:
+            raise ConfigError(
+                f"{where}: rig.grains has no key {name!r}; give "
+                f"{', '.join(k for k in Vessel.model_fields if k != 'free')}"
+            )
+    engine = engine_named(its.engine)
+    engine.version()
+    return SceneRig(RIG_SCENES, its.scene, its.tables, its.grains, its.level, engine, its.coarse)
+
+
+def _meaning(path: Path, case: Case, text: str) -> dict[str, Any]:
+    """The case file and the files that it names, by digest."""
+    files = sorted({r.file.split(" (")[0] for its in case.recordings for r in its.repeats} - {""})
+    digests = {f: hashlib.sha256((path.parent / f).read_bytes()).hexdigest()[:16] for f in files}
+    return {"case": hashlib.sha256(text.encode()).hexdigest()[:16], "files": digests}

@@ -1,0 +1,144 @@
+"""A calibration as a whole, on a simulator with a closed form."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from toy_rig import SCATTER, TIMES, Tank, level_of
+
+from calibration.campaign import Campaign, calibrate, runs_of_each
+from calibration.likelihood import Parts
+from calibration.recordings.case import Case, Measurement, Parameter
+from calibration.recordings.noise import measurement_noise
+from calibration.recordings.records import Recording, Repeat, Series
+from calibration.summary import in_words, summary
+from mfopt.arrays import Array, frozen
+from mfopt.errors import ConfigError, SimulationError
+from mfopt.records.evaluation import Candidate, Evaluation
+from mfopt.records.outcome import Outcome
+from mfopt.records.problem import Problem, Variable
+
+PARAMETERS = (Parameter("rate", 0.1, 0.6), Parameter("sag", 0.0, 0.1))
+NOISE = 0.004  # [m]
+PROBLEM = Problem(tuple(Variable(p.name, p.low, p.high) for p in PARAMETERS), frozen([0.3, 0.05]))
+
+
+def recording(
+    name: str, start: float, truth: Array, rng: np.random.Generator, repeats: int = 3,
+    *, held_out: bool = False, clock: float = 1.0,
+) -> Recording:  # fmt: skip
+    made = []
+    times = np.linspace(0.0, 1.9, 150)
+    for number in range(repeats):
+        slow = SCATTER * rng.normal() * np.sin(np.pi * times / TIMES[-1])
+        values = level_of(truth, start, clock * times) + slow + NOISE * rng.normal(size=len(times))
+        series = Series("level", frozen(times), frozen(values), 0.0, np.zeros(len(times), bool))
+        made.append(Repeat(f"{name}-{number}.csv", {"level": series}))
+    return Recording(name, {"start": start}, tuple(made), held_out)
+
+
+def case_of(
+    truth: Array, seed: int, measurement: Measurement | None = None, clock: float = 1.0
+) -> Case:
+    rng = np.random.default_rng(seed)
+    return Case(
+        "tank", seed, {}, PARAMETERS, measurement or Measurement(),
+        (recording("full", 0.5, truth, rng, clock=clock),
+         recording("half", 0.2, truth, rng, clock=clock),
+         recording("other", 0.35, truth, rng, held_out=True, clock=clock)),
+    )  # fmt: skip
+
+
+def evaluate(candidates: Sequence[Candidate], case: Case) -> list[Evaluation]:
+    starts = {r.name: r.conditions for r in case.recordings}
+    made = []
+    for c in candidates:
+        level = Tank().level(c.level, starts[c.level], ("rate", "sag"))
+        made.append(Evaluation(c, level.evaluate(c.x, seed=c.seed), 0.0))
+    return made
+
+
+def campaign_of(case: Case, runs: int = 100, parts: Parts | None = None) -> Campaign:
+    noises = {"level": measurement_noise(case.recordings, "level", case.measurement.of("level"))}
+    return calibrate(case, noises, lambda c: evaluate(c, case), runs, parts or Parts())
+
+
+@pytest.fixture(scope="module")
+def truths() -> list[Array]:
+    return [frozen(x) for x in ([0.35, 0.03], [0.25, 0.07], [0.45, 0.02])]
+
+
+@pytest.fixture(scope="module")
+def campaigns(truths: list[Array]) -> list[Campaign]:
+    return [campaign_of(case_of(x, seed)) for seed, x in enumerate(truths, start=1)]
+
+
+def test_the_truth_lies_in_the_intervals_and_these_are_narrow(
+    truths: list[Array], campaigns: list[Campaign]
+) -> None:
+    held = 0
+    for truth, campaign in zip(truths, campaigns, strict=True):
+        interval = campaign.fitted.posterior.interval()
+        held += int(np.sum((interval[:, 0] <= truth) & (truth <= interval[:, 1])))
+        assert np.all(np.diff(interval, axis=1)[:, 0] < [0.05, 0.06])
+    assert held >= 4  # of 6, at 90 %
+
+
+def test_the_model_fits_and_predicts_what_was_held_out(campaigns: list[Campaign]) -> None:
+    for campaign in campaigns:
+        its = summary(campaign, case_of(frozen([0.3, 0.05]), 1), PROBLEM, {})
+        assert its.probability > 0.01
+        assert {c.recording for c in its.compared if c.held_out} == {"other"}
+        assert max(c.error for c in its.compared) < 2.5
+        assert its.runs == 18 + 2 * 41
+        assert all("not determined" not in line for line in in_words(its))
+
+
+def test_a_clock_that_is_wrong_by_more_than_stated_does_not_fit() -> None:
+    # A slow clock alone looks like a larger rate; the two fills contradict each other in the end.
+    truth = frozen([0.35, 0.03])
+    stated = Measurement(clock_error=0.0)
+    strict = campaign_of(case_of(truth, 1, stated, clock=1.25), parts=Parts(allowance=0.0))
+    right = campaign_of(case_of(truth, 1, stated), parts=Parts(allowance=0.0))
+    off = np.abs(strict.fitted.posterior.mean - truth)
+    assert off[0] > 2.0 * np.abs(right.fitted.posterior.mean - truth)[0]
+
+
+def test_a_stated_error_of_the_clock_widens_the_interval() -> None:
+    truth = frozen([0.35, 0.03])
+    widths = []
+    for error in (0.0, 0.1):
+        its = campaign_of(case_of(truth, 1, Measurement(clock_error=error)))
+        widths.append(np.diff(its.fitted.posterior.interval(), axis=1)[0, 0])
+    assert widths[1] > 1.5 * widths[0]
+
+
+def test_failed_runs_are_left_out(campaigns: list[Campaign]) -> None:
+    failed = [e for c in campaigns for e in c.evaluations if not e.outcome.finished]
+    assert failed
+
+
+def test_a_simulator_that_mostly_fails_is_named() -> None:
+    case = case_of(frozen([0.35, 0.03]), 1)
+
+    def crashing(candidates: Sequence[Candidate]) -> list[Evaluation]:
+        return [
+            Evaluation(c, Outcome(c.x, c.level, c.seed, "crashed", "no tank"), np.inf)
+            for c in candidates
+        ]
+
+    noises = {"level": measurement_noise(case.recordings, "level", case.measurement.of("level"))}
+    with pytest.raises(SimulationError, match="no tank"):
+        calibrate(case, noises, crashing, 100)
+
+
+def test_too_few_runs_are_refused_with_the_least_number() -> None:
+    case = case_of(frozen([0.35, 0.03]), 1)
+    with pytest.raises(ConfigError, match="at least 50"):
+        runs_of_each(case, 49)
+    assert runs_of_each(case, 50) == 16
+
+
+def test_a_calibration_repeats_bit_for_bit(campaigns: list[Campaign], truths: list[Array]) -> None:
+    again = campaign_of(case_of(truths[0], 1))
+    assert np.array_equal(again.fitted.posterior.draws, campaigns[0].fitted.posterior.draws)

@@ -1,0 +1,52 @@
+"""The posterior of a linear simulator with Gaussian errors has a closed form."""
+
+import numpy as np
+import pytest
+from test_campaign import PARAMETERS, campaign_of, case_of
+
+from calibration.likelihood import EVERY_PART, Parts, likelihood, with_values
+from calibration.posterior import from_unit, prior_transform, sample, to_unit
+from calibration.recordings.case import Parameter
+from mfopt.arrays import Array, frozen
+
+
+def test_nested_sampling_finds_a_gaussian_posterior_and_its_evidence() -> None:
+    mean, sd = np.array([0.4, 0.6]), np.array([0.03, 0.08])
+
+    def log_likelihood(z: Array) -> float:
+        return float(-0.5 * np.sum(((z - mean) / sd) ** 2))
+
+    flat = [Parameter("a", 0.0, 1.0), Parameter("b", 0.0, 1.0)]
+    found = sample(log_likelihood, flat, seed=1)
+    assert found.mean == pytest.approx(mean, abs=0.01)
+    assert found.draws.std(axis=0) == pytest.approx(sd, rel=0.12)
+    evidence = np.log(2 * np.pi * np.prod(sd))
+    assert found.log_evidence == pytest.approx(evidence, abs=4.0 * found.log_evidence_sd)
+
+
+def test_a_normal_prior_is_cut_at_the_range() -> None:
+    transform = prior_transform([Parameter("a", 0.0, 2.0, mean=0.2, sd=0.5)])
+    draws = np.array([transform(u) for u in np.random.default_rng(1).random((4000, 1))])
+    assert 0.0 <= draws.min() <= draws.max() <= 1.0
+    assert np.median(draws) > 0.1  # the part below 0 is missing
+
+
+def test_units_are_inverse() -> None:
+    x = np.array([[0.2, 0.01], [0.6, 0.1]])
+    assert from_unit(PARAMETERS, to_unit(PARAMETERS, x)) == pytest.approx(x)
+
+
+def test_each_part_of_the_errors_lowers_the_certainty() -> None:
+    truth = frozen([0.35, 0.03])
+    fitted = campaign_of(case_of(truth, 1)).fitted
+    z = to_unit(PARAMETERS, truth)
+    whole = likelihood(fitted.observations, fitted.emulators)
+    assert whole.parts == EVERY_PART
+    spread = np.linalg.slogdet(whole.residual(z)[1])[1]
+    for part in ({"packing": False}, {"measurement": False}, {"emulator": False},
+                 {"allowance": 0.0}):  # fmt: skip
+        less = likelihood(fitted.observations, fitted.emulators, Parts(**part))
+        assert np.linalg.slogdet(less.residual(z)[1])[1] < spread, part
+    # The emulator's own mean, taken as the recording, leaves no residual.
+    means = [e.series(e.predict(z[None])[0][0]) for e in fitted.emulators]
+    assert np.abs(with_values(whole, means).residual(z)[0]).max() < 1e-9

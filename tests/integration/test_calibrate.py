@@ -1,0 +1,106 @@
+"""`mfopt calibrate` on coarse beads: it ends with a result, goes on where it stopped, refuses."""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from mfopt.commands.app import app
+from mfopt.study.case import assemble_case
+
+EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "calibration" / "beads"
+COARSE = ("--runs", "50", "--workers", "1")
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("beads")
+    for file in EXAMPLE.iterdir():
+        text = file.read_text()
+        if file.name == "case.toml":
+            text = text.replace('scene = "discharge"\n', 'scene = "discharge"\ncoarse = 2.5\n', 1)
+        (folder / file.name).write_text(text)
+    return folder / "case.toml"
+
+
+@pytest.fixture(scope="module")
+def done(case: Path) -> Path:
+    path = case.parent / "run"
+    result = CliRunner().invoke(app, ["calibrate", str(case), "-d", str(path), *COARSE])
+    assert result.exit_code == 0, result.output
+    assert "Columns are separated by semicolons" in result.output
+    assert "slot 40 mm, level (held out): error" in result.output
+    return path
+
+
+def test_it_tells_parameters_directions_and_comparisons(done: Path) -> None:
+    told = json.loads((done / "calibration.json").read_text())
+    friction, restitution = told["parameters"]
+    assert friction["low"] <= friction["interval"][0] < friction["interval"][1] <= friction["high"]
+    assert restitution["determined"] is (restitution["share"] < 0.5)
+    assert told["runs"] == 50
+    assert {c["held_out"] for c in told["compared"]} == {True, False}
+
+
+def test_a_run_that_is_whole_is_not_made_again(case: Path, done: Path) -> None:
+    before = (done / "journal.jsonl").read_bytes()
+    told = (done / "calibration.json").read_bytes()
+    given = ["calibrate", str(case), "-d", str(done), *COARSE, "--resume"]
+    assert CliRunner().invoke(app, given).exit_code == 0
+    assert (done / "journal.jsonl").read_bytes() == before
+    assert (done / "calibration.json").read_bytes() == told
+
+
+def test_changed_recordings_are_another_calibration(case: Path, done: Path) -> None:
+    file = case.parent / "slot30-1.csv"
+    kept = file.read_text()
+    file.write_text(kept.replace("57.55", "57.65"))
+    given = ["calibrate", str(case), "-d", str(done), *COARSE, "--resume"]
+    result = CliRunner().invoke(app, given)
+    file.write_text(kept)
+    assert result.exit_code == 2
+    assert "slot30-1.csv" in result.output
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('scene = "discharge"', 'scene = "dicharge"', "discharge"),
+        ("[parameters.friction]", "[parameters.fricton]", "friction"),
+        ("opening_mm = 40", "openning_mm = 40", "opening_mm"),
+        ("opening_mm = 40", "opening_mm = 400", "narrow the outlet"),
+        ("floor_mm = 4", "flor_mm = 4", "floor_mm"),
+        ("portion_kg = 0.12", "portion_kg = 0.001", "portion_kg"),
+        ("[parameters.restitution]", "[parameters.vibration]", "vibration.amplitude"),
+    ],
+)
+def test_wrong_words_are_named(tmp_path: Path, old: str, new: str, said: str) -> None:
+    for file in EXAMPLE.iterdir():
+        text = file.read_text()
+        if file.name == "case.toml":
+            assert old in text
+            text = text.replace(old, new)
+        (tmp_path / file.name).write_text(text)
+    given = ["calibrate", str(tmp_path / "case.toml"), "-d", str(tmp_path / "run")]
+    result = CliRunner().invoke(app, given)
+    assert result.exit_code == 2, result.output
+    assert said in result.output
+    assert not (tmp_path / "run" / "run.json").exists()
+
+
+def test_a_recording_may_name_another_scene(tmp_path: Path) -> None:
+    for file in EXAMPLE.iterdir():
+        (tmp_path / file.name).write_text(file.read_text())
+    path = tmp_path / "case.toml"
+    text = path.read_text().replace(
+        "[rig.discharge]", "[rig.heap]\nportion_kg = 0.2\n\n[rig.discharge]"
+    )
+    text += (
+        '\n[[recording]]\nname = "heap"\nconditions = { scene = "heap" }\n'
+        'scalars = { angle_of_repose = { values = [21.0, 22.0], unit = "deg" } }\n'
+    )
+    path.write_text(text)
+    parts = assemble_case(path)
+    assert parts.ladder.names[-1] == "heap"
+    assert parts.case.recordings[-1].scalars == ("angle_of_repose",)
