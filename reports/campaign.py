@@ -15,7 +15,8 @@ from reports.units import number
 VALIDATION = "validation"  # runs of a generation that are not at its own level
 PHASES = {
     "check": "check", "start": "starts", "search": "search", "finalist": "finalists",
-    "confirm": "confirmation", "reference": "reference",
+    "confirm": "confirmation", "reference": "reference", "design": "design", "refine": "refinement",
+    "predict": "prediction",
 }  # fmt: skip
 OF_SEARCH = ("check", "starts", "search", "finalists")  # what its budget may pay for
 NUMBER = re.compile(r"\d+(\.\d*)?(e[+-]?\d+)?", re.IGNORECASE)

@@ -18,6 +18,7 @@ from mfopt.campaign.store import writing
 from mfopt.commands.shared import AsJson, Quiet, console
 from mfopt.files.whole import full_disk_named, write_aside
 from mfopt.study.case import COMPARED, AssembledCase, assemble_case
+from mfopt.study.stored import CALIBRATE
 
 RUNS = 200
 
@@ -91,6 +92,6 @@ def calibrate(
 def _header(parts: AssembledCase, runs: int, workers: int) -> dict[str, object]:
     return header(
         parts.problem, parts.ladder, name=parts.case.name, seed=parts.case.seed,
-        method="calibrate", objective="none", criteria=COMPARED, workers=workers,
+        method=CALIBRATE, objective="none", criteria=COMPARED, workers=workers,
         settings={"runs": runs, **parts.meaning},
     )  # fmt: skip

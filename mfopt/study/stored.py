@@ -3,17 +3,26 @@
 from pathlib import Path
 
 from mfopt.campaign.store import RunDirectory, open_run
+from mfopt.errors import ConfigError
 from mfopt.study.assemble import scene_of
 from mfopt.study.file import Study, study_of
+
+CALIBRATE = "calibrate"  # the method of a run directory that holds a calibration
 
 
 def open_stored(path: Path) -> RunDirectory:
     """Open a run directory, judged as its study says.
 
     Raises:
-        ConfigError: if there is no run, it is of another format, or what is there is damaged.
+        ConfigError: if there is no run, it is of another format or of a calibration, or what is
+            there is damaged.
     """
     run = open_run(path)
+    if run.header["method"] == CALIBRATE:
+        raise ConfigError(
+            f"{path} holds a calibration, not a study; its result is in {path}/calibration.json, "
+            f"and mfopt calibrate CASE --directory {path} --resume prints it"
+        )
     study = study_of_run(run)
     if study is None:
         return run

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from test_campaign import PARAMETERS, campaign_of, case_of
+from test_calibrate import PARAMETERS, campaign_of, case_of
 
 from calibration.likelihood import EVERY_PART, Parts, likelihood, with_values
 from calibration.posterior import from_unit, prior_transform, sample, to_unit

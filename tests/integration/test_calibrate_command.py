@@ -19,7 +19,7 @@ def case(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for file in EXAMPLE.iterdir():
         text = file.read_text()
         if file.name == "case.toml":
-            text = text.replace('scene = "discharge"\n', 'scene = "discharge"\ncoarse = 2.5\n', 1)
+            text = text.replace('scene = "discharge"\n', 'scene = "discharge"\ncoarse = 3\n', 1)
         (folder / file.name).write_text(text)
     return folder / "case.toml"
 
@@ -50,6 +50,13 @@ def test_a_run_that_is_whole_is_not_made_again(case: Path, done: Path) -> None:
     assert CliRunner().invoke(app, given).exit_code == 0
     assert (done / "journal.jsonl").read_bytes() == before
     assert (done / "calibration.json").read_bytes() == told
+
+
+@pytest.mark.parametrize("command", ["status", "report"])
+def test_a_calibration_is_not_taken_for_a_study(done: Path, command: str) -> None:
+    result = CliRunner().invoke(app, [command, str(done)])
+    assert result.exit_code == 2
+    assert "calibration.json" in result.output
 
 
 def test_changed_recordings_are_another_calibration(case: Path, done: Path) -> None:
