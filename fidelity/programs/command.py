@@ -13,7 +13,7 @@ import json
 import os
 import shutil
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -36,6 +36,7 @@ class CommandLevel:
     variables: tuple[str, ...]  # names, in the order of x
     work_per_run: float  # predicted work of one run
     time_limit_s: float
+    conditions: Mapping[str, float | str] = field(default_factory=dict)  # of a recording
 
     def __post_init__(self) -> None:
         if not self.command:
@@ -69,11 +70,13 @@ class CommandLevel:
     def evaluate(self, x: Array, *, seed: int) -> Outcome:
         """Run the command once at `x` (d,). A failed run is returned, not raised."""
         x = frozen(x)
-        question = {
+        question: dict[str, Any] = {
             "x": {name: float(v) for name, v in zip(self.variables, x, strict=True)},
             "seed": seed,
             "level": self.name,
         }
+        if self.conditions:
+            question["conditions"] = dict(self.conditions)
         with scratch() as directory:
             try:
                 ended = run_logged(

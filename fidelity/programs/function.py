@@ -60,9 +60,9 @@ class FunctionLevel:
         try:
             raw = {"f": np.asarray(_number(self.function(x, seed)))}
         except BaseException as error:
-            if _from_terminal(error):
+            if from_terminal(error):
                 raise
-            status, why = "crashed", _explained(error)
+            status, why = "crashed", explained(error)
         cpu_s = process_time() - began
         return Outcome(x, self.name, seed, status, why, raw, self.work_per_run, cpu_s)
 
@@ -90,7 +90,7 @@ def _number(value: Any) -> float:
     return f
 
 
-def _explained(error: BaseException) -> str:
+def explained(error: BaseException) -> str:
     """What went wrong, and in which line of the user's program."""
     if isinstance(error, _NoNumber):
         return str(error)
@@ -105,7 +105,7 @@ def _explained(error: BaseException) -> str:
     return f"{said} (line {frames[-1].lineno} of {Path(frames[-1].filename).name})"
 
 
-def _from_terminal(error: BaseException) -> bool:
+def from_terminal(error: BaseException) -> bool:
     """Whether this is a Ctrl-C: only the main thread of a process that heeds it gets one."""
     return (
         isinstance(error, KeyboardInterrupt)

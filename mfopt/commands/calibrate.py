@@ -44,6 +44,7 @@ def calibrate(
     from calibration.summary import as_json as told
     from calibration.summary import in_words, summary
     from fidelity.engines.numba import prepare
+    from fidelity.rig import SceneRig
 
     on = console(quiet=quiet or as_json)
     parts = assemble_case(case_file)
@@ -56,7 +57,8 @@ def calibrate(
     count = workers or len(os.sched_getaffinity(0))
     check_disk(path)
     with full_disk_named(path), writing(path):
-        prepare(lambda: on.print("compiling the grain engine, once: about 30 s"))
+        if isinstance(parts.rig, SceneRig):
+            prepare(lambda: on.print("compiling the grain engine, once: about 30 s"))
         into = begin(path, parts.text, _header(parts, runs, count), resume=resume,
                      criteria=COMPARED)  # fmt: skip
         columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(),

@@ -4,7 +4,7 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import Field
 
@@ -14,13 +14,16 @@ from calibration.recordings.case_settings import read_case_settings
 from calibration.recordings.noise import measurement_noise
 from calibration.recordings.records import Noise
 from calibration.rig import Rig
+from fidelity.programs.rig import ProgramRig
 from fidelity.rig import SceneRig
 from fidelity.scenes.beads import Vessel
 from mfopt.arrays import frozen
 from mfopt.errors import ConfigError
+from mfopt.limits import TimeLimit, Word
 from mfopt.records.level import Ladder
 from mfopt.records.objective import Criteria, Objective
 from mfopt.records.problem import Problem, Variable
+from mfopt.records.rig import Channel
 from mfopt.settings import Settings, checked
 from mfopt.study.assemble import SCENES, DemName, engine_named
 
@@ -60,7 +63,7 @@ def assemble_case(path: Path) -> AssembledCase:
         ConfigError: if the case or a recording cannot be trusted, or the simulator is missing.
     """
     settings = read_case_settings(path)
-    rig = _rig(settings.rig, str(path))
+    rig = _rig(settings.rig, path)
     case = complete_case(settings, path, rig.channels)
     names = tuple(p.name for p in case.parameters)
     units = []
@@ -81,7 +84,44 @@ def assemble_case(path: Path) -> AssembledCase:
     return AssembledCase(case, rig, problem, ladder, noises, text, _meaning(path, case, text))
 
 
-def _rig(table: Mapping[str, Any], where: str) -> Rig:
+class ChannelSettings(Settings):
+    """A channel that the user's own simulator gives."""
+
+    unit: Literal["m", "s", "kg", "kg/s", "rad", "-"]
+    size: float = Field(gt=0.0)  # typical largest value
+
+
+class ProgramRigSettings(Settings):
+    """The table `rig` of a case whose simulator is the user's own."""
+
+    command: list[Word] = Field(default_factory=list)
+    function: str = ""  # FILE.py:NAME, the file beside the case
+    channels: dict[str, ChannelSettings] = Field(min_length=1)
+    time_limit_s: TimeLimit = 3600.0
+
+
+def _rig(table: Mapping[str, Any], path: Path) -> Rig:
+    """The simulator that a case names.
+
+    Raises:
+        ConfigError: if the table is wrong, or the simulator is missing.
+    """
+    if "command" in table or "function" in table:
+        return _program(table, path)
+    return _scenes(table, str(path))
+
+
+def _program(table: Mapping[str, Any], path: Path) -> ProgramRig:
+    its = checked(ProgramRigSettings, table, where=f"{path}: rig")
+    if bool(its.command) == bool(its.function):
+        raise ConfigError(f"{path}: rig: give either command or function")
+    channels = {name: Channel(name, c.unit, c.size) for name, c in its.channels.items()}
+    file, _, name = its.function.partition(":")
+    function = (str((path.parent / file).absolute()), name) if file else ("", "")
+    return ProgramRig(channels, tuple(its.command), function, its.time_limit_s)
+
+
+def _scenes(table: Mapping[str, Any], where: str) -> SceneRig:
     tables = {name: table[name] for name in RIG_SCENES if name in table}
     rest = {key: value for key, value in table.items() if key not in RIG_SCENES}
     its = checked(SceneRigSettings, {**rest, "tables": tables}, where=f"{where}: rig")

@@ -111,3 +111,36 @@ def test_a_recording_may_name_another_scene(tmp_path: Path) -> None:
     parts = assemble_case(path)
     assert parts.ladder.names[-1] == "heap"
     assert parts.case.recordings[-1].scalars == ("angle_of_repose",)
+
+
+def test_a_function_of_the_user_is_calibrated(tmp_path: Path) -> None:
+    balls = EXAMPLE.parent / "balls" / "case.toml"
+    given = ["calibrate", str(balls), "-d", str(tmp_path / "run"), "--runs", "40", "--json"]
+    result = CliRunner().invoke(app, [*given, "--workers", "1"])
+    assert result.exit_code == 0, result.output
+    told = json.loads(result.output)
+    low, high = told["parameters"][0]["interval"]
+    assert 0.40 < low < high < 0.50
+    assert low - 0.01 < 0.45 < high + 0.01
+    assert told["failed"] == 0
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('function = "balls.py:fall"', 'function = "ball.py:fall"', "is no file"),
+        ('function = "balls.py:fall"', 'command = ["no-such-program"]', "no-such-program"),
+        ('function = "balls.py:fall"', 'function = "balls.py:fall"\ncommand = ["a"]', "either"),
+        ('unit = "m"\nsize', 'unit = "km"\nsize', "unit"),
+        ("[rig.channels.height]", "[rig.channels.heigth]", "heigth"),
+    ],
+)
+def test_wrong_words_of_a_program_are_named(tmp_path: Path, old: str, new: str, said: str) -> None:
+    for file in (EXAMPLE.parent / "balls").iterdir():
+        if file.is_file():
+            text = file.read_text()
+            (tmp_path / file.name).write_text(text.replace(old, new))
+    given = ["calibrate", str(tmp_path / "case.toml"), "-d", str(tmp_path / "run")]
+    result = CliRunner().invoke(app, given)
+    assert result.exit_code == 2, result.output
+    assert said in result.output

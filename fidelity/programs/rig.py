@@ -1,0 +1,159 @@
+"""The user's own simulator of an experiment: a command or a Python function.
+
+A command gets JSON as in `fidelity.programs.command`, with the parameters in `x` and the table
+`conditions` of the recording. A function `f(parameters, conditions, seed)` gets both as
+dictionaries. Both give the times `time` (s,) [s], each series over them, and numbers, by channel.
+"""
+
+import importlib.util
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from time import process_time
+from typing import Any
+
+import numpy as np
+
+from fidelity.programs.command import CommandLevel
+from fidelity.programs.function import explained, from_terminal
+from mfopt.arrays import AnyArray, Array, frozen
+from mfopt.errors import ConfigError
+from mfopt.records.level import Level
+from mfopt.records.outcome import Outcome, Status
+from mfopt.records.rig import TIME, Channel, RigParameter
+
+Conditions = Mapping[str, float | str]
+
+
+@dataclass(frozen=True, slots=True)
+class ProgramRig:
+    """A simulator of the user's own. Implements `calibration.rig.Rig`."""
+
+    channels: Mapping[str, Channel]
+    command: tuple[str, ...] = ()  # to be run; empty: there is a function
+    function: tuple[str, str] = ("", "")  # file and name
+    time_limit_s: float = 3600.0
+
+    def parameter(self, name: str) -> RigParameter | None:
+        """Nothing is known of the parameters of a program."""
+        return None
+
+    def level(
+        self, name: str, conditions: Conditions, parameters: tuple[str, ...]
+    ) -> "ProgramLevel":
+        """The program under these conditions.
+
+        Raises:
+            ConfigError: if it is missing.
+        """
+        if not self.command:
+            _loaded(*self.function)
+            runs: Level = FunctionRun(name, self.function, parameters, conditions)
+        else:
+            command = CommandLevel(
+                name, self.command, parameters, 1.0, self.time_limit_s, conditions
+            )
+            command.check()
+            runs = command
+        return ProgramLevel(runs, tuple(self.channels))
+
+
+@dataclass(frozen=True, slots=True)
+class ProgramLevel:
+    """A program that must give the channels which the case names. A `Level`."""
+
+    program: Level
+    channels: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """Name of the recording."""
+        return self.program.name
+
+    def work(self, x: Array) -> float:
+        """Work of a run."""
+        return self.program.work(x)
+
+    def evaluate(self, x: Array, *, seed: int) -> Outcome:
+        """Run once; a run whose series do not fit to their times has crashed."""
+        outcome = self.program.evaluate(x, seed=seed)
+        why = self._flaw(outcome.raw) if outcome.finished else None
+        return outcome if why is None else replace(outcome, status="crashed", why=why, raw={})
+
+    def _flaw(self, raw: Mapping[str, AnyArray]) -> str | None:
+        given = [name for name in self.channels if name in raw]
+        if not given:
+            return f"the program gives none of the channels {', '.join(self.channels)}"
+        series = [name for name in given if raw[name].ndim]
+        if not series:
+            return None
+        times = raw.get(TIME)
+        if times is None or times.ndim != 1 or len(times) < 2 or not np.all(np.diff(times) > 0.0):
+            return f"the program must give increasing times {TIME!r} [s] for its series"
+        for name in series:
+            if raw[name].shape != times.shape:
+                return f"{name} has the shape {raw[name].shape}, its times {times.shape}"
+        return None
+
+
+@dataclass(frozen=True, slots=True)
+class FunctionRun:
+    """A Python function under fixed conditions. A `Level`."""
+
+    name: str
+    function: tuple[str, str]  # file and name
+    parameters: tuple[str, ...]
+    conditions: Conditions
+
+    def work(self, x: Array) -> float:
+        """Work of a run."""
+        return 1.0
+
+    def evaluate(self, x: Array, *, seed: int) -> Outcome:
+        """Call the function once; an exception, or what is no number, is a crash."""
+        began = process_time()
+        why: str | None = None
+        raw: dict[str, AnyArray] = {}
+        try:
+            values = dict(zip(self.parameters, map(float, x), strict=True))
+            given = _loaded(*self.function)(values, dict(self.conditions), seed)
+            raw = {str(name): _numbers(name, value) for name, value in dict(given).items()}
+        except BaseException as error:
+            if from_terminal(error):
+                raise
+            why = explained(error)
+        cpu_s = process_time() - began
+        status: Status = "finished" if why is None else "crashed"
+        return Outcome(frozen(x), self.name, seed, status, why, raw, 1.0, cpu_s)
+
+
+def _numbers(name: Any, value: Any) -> Array:
+    array = np.asarray(value)
+    if array.dtype.kind not in "iuf" or not np.all(np.isfinite(array)):
+        raise ValueError(f"{name} holds values that are no finite numbers")
+    return frozen(array)
+
+
+@lru_cache
+def _loaded(file: str, name: str) -> Any:
+    """The function of that name in a Python file.
+
+    Raises:
+        ConfigError: if there is none.
+    """
+    path = Path(file)
+    if not path.is_file():
+        raise ConfigError(f"rig.function: {file} is no file; write FILE.py:NAME")
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    if spec is None or spec.loader is None:
+        raise ConfigError(f"rig.function: {file} is no Python file; write FILE.py:NAME")
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        raise ConfigError(f"rig.function: {file} cannot be loaded: {explained(error)}") from error
+    function = getattr(module, name, None)
+    if not callable(function):
+        raise ConfigError(f"rig.function: {file} has no function {name!r}; write FILE.py:NAME")
+    return function

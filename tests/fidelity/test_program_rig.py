@@ -1,0 +1,87 @@
+"""The user's own simulator as a rig: a function and a command give the same; flaws are told."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fidelity.programs.rig import ProgramRig
+from mfopt.errors import ConfigError
+from mfopt.records.rig import Channel
+
+CHANNELS = {"height": Channel("height", "m", 10.0), "time_to_fall": Channel("time_to_fall", "s", 1)}
+FUNCTION = """
+import numpy as np
+def fall(parameters, conditions, seed):
+    t = np.linspace(0.0, 1.0, 11)
+    if parameters["g"] < 1.0:
+        raise RuntimeError("no gravity")
+    if parameters["g"] > 20.0:
+        return {"time": t[::-1], "height": t}
+    if parameters["g"] > 15.0:
+        return {"time": t, "height": t[:5]}
+    if parameters["g"] > 12.0:
+        return {"speed": t}
+    h = conditions["start"] - 0.5 * parameters["g"] * t**2
+    end = (2 * conditions["start"] / parameters["g"])**0.5
+    return {"time": t, "height": h, "time_to_fall": end}
+"""
+PROGRAM = """
+import json, sys
+asked = json.load(sys.stdin)
+g, start = asked["x"]["g"], asked["conditions"]["start"]
+t = [0.1 * i for i in range(11)]
+print(json.dumps({"time": t, "height": [start - 0.5 * g * s**2 for s in t],
+                  "time_to_fall": (2 * start / g) ** 0.5}))
+"""
+
+
+@pytest.fixture
+def function(tmp_path: Path) -> ProgramRig:
+    (tmp_path / "fall.py").write_text(FUNCTION)
+    return ProgramRig(CHANNELS, function=(str(tmp_path / "fall.py"), "fall"))
+
+
+def test_a_function_and_a_command_give_the_same(function: ProgramRig, tmp_path: Path) -> None:
+    (tmp_path / "program.py").write_text(PROGRAM)
+    command = ProgramRig(CHANNELS, command=(sys.executable, str(tmp_path / "program.py")))
+    outcomes = [
+        rig.level("drop", {"start": 5.0}, ("g",)).evaluate(np.array([9.81]), seed=1)
+        for rig in (function, command)
+    ]
+    for outcome in outcomes:
+        assert outcome.finished, outcome.why
+        assert outcome.raw["height"][-1] == pytest.approx(5.0 - 9.81 / 2)
+        assert float(outcome.raw["time_to_fall"]) == pytest.approx(1.0096, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("g", "said"),
+    [
+        (0.5, "no gravity"),
+        (13.0, "none of the channels"),
+        (16.0, "shape"),
+        (25.0, "increas"),
+    ],
+)
+def test_a_flawed_run_is_a_crash_that_says_why(function: ProgramRig, g: float, said: str) -> None:
+    level = function.level("drop", {"start": 5.0}, ("g",))
+    outcome = level.evaluate(np.array([g]), seed=1)
+    assert outcome.status == "crashed"
+    assert outcome.why is not None
+    assert said in outcome.why
+
+
+@pytest.mark.parametrize(
+    ("text", "name", "said"),
+    [(None, "fall", "is no file"), ("x = 1", "fall", "no function"), ("1 / 0", "fall", "ZeroDiv")],
+)
+def test_a_function_that_is_missing_is_named(
+    tmp_path: Path, text: str | None, name: str, said: str
+) -> None:
+    path = tmp_path / f"missing{name}.py"
+    if text is not None:
+        path.write_text(text)
+    with pytest.raises(ConfigError, match=said):
+        ProgramRig(CHANNELS, function=(str(path), name)).level("drop", {}, ("g",))
