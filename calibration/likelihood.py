@@ -63,6 +63,11 @@ class Likelihood:
     groups: tuple[_Group, ...]
     parts: Parts
 
+    @property
+    def scores(self) -> Array:
+        """Scores (K,) of all recordings."""
+        return np.concatenate([group.scores for group in self.groups])
+
     def __call__(self, z: Array) -> float:
         """Log likelihood at z (d,)."""
         residual, covariance = self.residual(z)
@@ -107,12 +112,13 @@ def likelihood(
     return Likelihood(tuple(_group(o, e, parts, channels) for o, e in pairs), parts)
 
 
-def with_values(its: Likelihood, rows: Sequence[Array]) -> Likelihood:
-    """The same errors, for other recorded values (p,), such as drawn ones."""
-    groups = [
-        replace(group, scores=frozen(group.emulator.project(row)))
-        for group, row in zip(its.groups, rows, strict=True)
-    ]
+def with_scores(its: Likelihood, scores: Array) -> Likelihood:
+    """The same errors, for other scores (K,) of the recordings, such as drawn ones."""
+    groups, at = [], 0
+    for group in its.groups:
+        k = len(group.scores)
+        groups.append(replace(group, scores=frozen(scores[at : at + k])))
+        at += k
     return replace(its, groups=tuple(groups))
 
 

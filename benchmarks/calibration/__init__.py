@@ -1,0 +1,1 @@
+"""How well calibration finds what is known, and how sure it is of that."""
