@@ -17,8 +17,9 @@ LONG: Mapping[str, Sequence[int] | None] = {
     "starts": range(20), "studies": range(10_000),
 }  # fmt: skip
 SHORT: Mapping[str, Sequence[int]] = {
-    "kills": (0, 1, 2, 3), "writes": range(4), "stores": range(12), "lock": range(100),
-    "starts": range(2), "studies": range(300),
+    "kills": (0, 1, 2, 3), "writes": range(4),
+    "stores": (0, 1, 2, 3, 6, 15, 28, 37, 100),  # one of each kind of damage, with seed 1
+    "lock": range(100), "starts": range(2), "studies": range(300),
 }  # fmt: skip
 
 
