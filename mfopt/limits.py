@@ -52,7 +52,7 @@ Kilograms = Annotated[float, Field(ge=1e-6, le=1000.0)]
 Modulus = Annotated[float, Field(ge=1e3, le=1e13)]  # [Pa] foam to beyond diamond
 PoissonRatio = Annotated[float, Field(ge=0.01, lt=0.5)]
 Density = Annotated[float, Field(ge=1.0, le=30_000.0)]  # [kg/m3] aerogel to beyond osmium
-SizeScatter = Annotated[float, Field(ge=0.0, le=0.9)]  # of the mean size
+SizeScatter = Annotated[float, Field(ge=0.0, le=0.5)]  # of the mean size
 FrictionAngle = Annotated[float, Field(ge=0.0, le=89.0)]  # [deg]
 TimestepFactor = Annotated[float, Field(ge=1e-3, le=2.0)]
 ChordalError = Annotated[float, Field(ge=0.01, le=100.0)]  # [mm]

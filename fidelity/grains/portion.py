@@ -61,7 +61,8 @@ def _layer(
     placed: list[Array] = []
     spheres = np.empty((0, 2))
     in_vain = 0
-    while len(placed) < most and in_vain < (TRIES_IN_VAIN if placed else HOPELESS):
+    fits_at_all = bool(np.all(half > 0.0))
+    while fits_at_all and len(placed) < most and in_vain < (TRIES_IN_VAIN if placed else HOPELESS):
         middles = rng.uniform(-half, half, (BATCH, 2))
         headings = rng.uniform(0.0, np.pi, BATCH)
         axes = np.column_stack([np.cos(headings), np.sin(headings)])
@@ -78,8 +79,9 @@ def _layer(
                 break
     if not placed:
         raise SimulationError(
-            f"a grain of {1e3 * (np.ptp(along) + 2 * radius):.0f} mm does not fit into the vessel; "
-            "use more grains"
+            f"a grain of {1e3 * (np.ptp(along) + 2 * radius):.0f} mm does not fit into the vessel "
+            f"of {1e3 * section.length:.0f} mm x {1e3 * section.width:.0f} mm; use more grains or "
+            "a larger vessel"
         )
     return np.array(placed)
 

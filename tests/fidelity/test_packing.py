@@ -90,7 +90,7 @@ def test_loose_portion_differs_by_seed_only() -> None:
 
 def test_grain_too_long_for_the_cup_is_named() -> None:
     small = Section(0.03, 0.03, 0.005, 0.0)
-    with pytest.raises(SimulationError, match="does not fit into the vessel; use more grains"):
+    with pytest.raises(SimulationError, match="does not fit into the vessel of 30 mm"):
         loose_portion(ORDER.grain, small, 3, 0, chordal_error=1e-3)
 
 

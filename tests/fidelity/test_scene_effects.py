@@ -13,7 +13,7 @@ from fidelity.grains.settings import DemSettings
 from fidelity.level import SceneLevel
 from fidelity.scenes.discharge.scene import Discharge
 from fidelity.scenes.discharge.settings import Hopper
-from mfopt.errors import ConfigError
+from mfopt.errors import ConfigError, SimulationError
 from mfopt.study.load_scene import SceneRun
 
 NULLS: dict[str, dict[str, float]] = {
@@ -102,3 +102,15 @@ def test_sizes_that_scatter_stay_from_the_filling_to_the_outcome() -> None:
     run = its.run(grains=50, spheres_per_grain=1)
     passed = len(run.outcome.raw["passage_times"])
     assert passed + run.outcome.raw["left"] + run.outcome.raw["lost"] == 50
+
+
+@pytest.mark.parametrize("scene", ["discharge", "heap", "silo"])
+def test_a_grain_larger_than_the_vessel_is_a_failed_run_that_says_so(scene: str) -> None:
+    its = mfopt.load_scene(scene, portion_kg=2.0)
+    with pytest.raises(SimulationError, match="does not fit into the vessel"):
+        its.run(grains=1, spheres_per_grain=1)
+
+
+def test_the_widest_scatter_of_sizes_fills_the_hopper() -> None:
+    its = mfopt.load_scene("discharge", size_scatter=0.5)
+    assert its.run(grains=200, spheres_per_grain=1).quantities["mass flow rate"] > 0.0
