@@ -14,10 +14,10 @@ import numpy as np
 from fidelity.effects.switch import EFFECTS
 from fidelity.engine import Engine
 from fidelity.grains.grain import grain_volume
-from fidelity.grains.settings import DemSettings
+from fidelity.grains.settings import MILLI, DemSettings
 from fidelity.level import SceneLevel
 from fidelity.scene import Scene, read_scene
-from fidelity.scenes.beads import MILLI, Vessel
+from fidelity.scenes.beads import Vessel
 from mfopt.arrays import AnyArray, Array, frozen
 from mfopt.errors import ConfigError
 from mfopt.records.objective import Criteria

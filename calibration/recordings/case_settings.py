@@ -1,6 +1,5 @@
 """The case file (TOML), checked once: keys, types and limits, before any recording is read."""
 
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
@@ -10,10 +9,10 @@ from pydantic import ConfigDict, Field, field_validator, model_validator
 from calibration.recordings.case import Parameter
 from calibration.recordings.header import Layout
 from mfopt.errors import ConfigError
+from mfopt.files.toml_text import toml_tables, toml_text
 from mfopt.limits import Bound, FileName, Name, Seed
 from mfopt.settings import Settings, checked
 
-MOST_BYTES = 1_000_000  # of a case file
 MOST_RECORDINGS = 1000
 MOST_REPEATS = 1000
 
@@ -193,23 +192,6 @@ def read_case_settings(path: Path) -> CaseSettings:
     Raises:
         ConfigError: if it cannot be read, is not TOML, or has a wrong, unknown or missing key.
     """
-    try:
-        with path.open("rb") as file:
-            content = file.read(MOST_BYTES + 1)
-        if len(content) > MOST_BYTES:
-            raise ConfigError(
-                f"case file {path} has more than the limit of {MOST_BYTES / 1e6:.0f} MB; is it "
-                "the right file?"
-            )
-        data = tomllib.loads(content.decode("utf-8-sig"))
-    except FileNotFoundError as error:
-        raise ConfigError(f"case file {path} does not exist; give a TOML file") from error
-    except OSError as error:
-        raise ConfigError(f"cannot read case file {path}: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise ConfigError(f"cannot read case file {path}: it is not UTF-8 ({error})") from error
-    except RecursionError as error:
-        raise ConfigError(f"{path}: its tables are nested too deeply; flatten them") from error
-    except ValueError as error:  # TOMLDecodeError, and what Python says of numbers too long
-        raise ConfigError(f"{path} is not valid TOML: {error}") from error
+    text = toml_text(path, "case file", "give a TOML file")
+    data = toml_tables(text, str(path))
     return checked(CaseSettings, data, where=str(path))

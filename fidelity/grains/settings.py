@@ -24,6 +24,7 @@ from mfopt.settings import Settings
 # Usual `timestep_factor`. A Hertz contact is soft at small overlaps: up to 3 a discharge stays the
 # same (`benchmarks.engine.rig`).
 USUAL_STEP: Mapping[ContactLaw, float] = {"linear": 0.6, "hertz": 2.0}
+MILLI = 1e-3  # [m] in a mm, [s] in a ms
 GRAVITY = 9.81  # [m/s2]
 
 

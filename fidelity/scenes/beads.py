@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from fidelity.effects.switch import with_effects
 from fidelity.grains.filling import Portion
 from fidelity.grains.grain import portion_grain
-from fidelity.grains.settings import STEEL, DemSettings, MaterialSettings
+from fidelity.grains.settings import MILLI, STEEL, DemSettings, MaterialSettings
 from fidelity.grains.sizes import Sizes
 from fidelity.scene import Possible, drawn
 from geometry.mesh import Mesh
@@ -21,7 +21,6 @@ from mfopt.records.problem import Problem, Variable
 from mfopt.records.view import DesignView
 from mfopt.settings import Settings, nearest
 
-MILLI = 1e-3
 # Glass beads, softened for longer time steps.
 BEADS = MaterialSettings(
     young_modulus_pa=5e6, poisson_ratio=0.25, density_kg_m3=2500, friction_angle_deg=20

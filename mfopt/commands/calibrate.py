@@ -15,7 +15,7 @@ from mfopt.campaign.header import header
 from mfopt.campaign.local_workers import local_processes
 from mfopt.campaign.memory import Memory
 from mfopt.campaign.store import writing
-from mfopt.commands.shared import AsJson, Quiet, console
+from mfopt.commands.shared import AsJson, Into, Quiet, Resume, console
 from mfopt.files.whole import full_disk_named, write_aside
 from mfopt.study.case import COMPARED, AssembledCase, assemble_case
 from mfopt.study.stored import CALIBRATE
@@ -25,16 +25,12 @@ RUNS = 200
 
 def calibrate(
     case_file: Annotated[Path, typer.Argument(help="case file (TOML)")],
-    directory: Annotated[
-        Path | None, typer.Option("--directory", "-d", help="run directory; runs/NAME if left out")
-    ] = None,
+    directory: Into = None,
     runs: Annotated[int, typer.Option(help="simulations to make in all", min=1)] = RUNS,
     workers: Annotated[
         int | None, typer.Option(help="worker processes; one a core if left out", min=1)
     ] = None,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="go on with a broken-off run, if there is one")
-    ] = False,
+    resume: Resume = False,
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:

@@ -5,9 +5,8 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
 from rich.console import Console
 
 from mfopt.arrays import Array
@@ -15,7 +14,7 @@ from mfopt.campaign.begin import begin, begin_reference, budgets, check_disk
 from mfopt.campaign.header import header
 from mfopt.campaign.store import RunDirectory, writing
 from mfopt.commands.report import write_reports
-from mfopt.commands.shared import AsJson, Quiet, StudyFile, console
+from mfopt.commands.shared import AsJson, Into, Quiet, Resume, StudyFile, console
 from mfopt.commands.status import print_result
 from mfopt.commands.workers import new_runner, prepare_engines, started, workers_of
 from mfopt.errors import SimulationError
@@ -31,12 +30,8 @@ if TYPE_CHECKING:
 
 def run(
     study_file: StudyFile,
-    directory: Annotated[
-        Path | None, typer.Option("--directory", "-d", help="run directory; runs/NAME if left out")
-    ] = None,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="go on with a broken-off run, if there is one")
-    ] = False,
+    directory: Into = None,
+    resume: Resume = False,
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:

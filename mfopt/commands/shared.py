@@ -29,6 +29,12 @@ screen = console()
 
 StudyFile = Annotated[Path, typer.Argument(help="study file (TOML)")]
 RunPath = Annotated[Path, typer.Argument(help="run directory")]
+Into = Annotated[
+    Path | None, typer.Option("--directory", "-d", help="run directory; runs/NAME if left out")
+]
+Resume = Annotated[
+    bool, typer.Option("--resume", help="go on with a broken-off run, if there is one")
+]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="print nothing but errors")]
 AsJson = Annotated[bool, typer.Option("--json", help="print the result as JSON")]
 ValuesGiven = Annotated[

@@ -1,7 +1,5 @@
 """Study files (TOML): read, checked once, and refused with the key, the limit and the remedy."""
 
-import stat
-import tomllib
 from pathlib import Path
 from typing import Any, Literal
 
@@ -9,6 +7,7 @@ from pydantic import ConfigDict, Field, model_validator
 
 from mfopt.campaign.phases import Finals
 from mfopt.errors import ConfigError
+from mfopt.files.toml_text import toml_tables, toml_text
 from mfopt.limits import (
     MOST_LEVELS,
     MOST_STAGES,
@@ -29,7 +28,6 @@ from mfopt.search.search import Reevaluate, Stage
 from mfopt.settings import Settings, checked, nearest
 
 POPULATION_SIZE = 16  # of a stage that names none
-MOST_BYTES = 1_000_000  # of a study file
 
 
 class StudyHead(Settings):
@@ -192,7 +190,7 @@ def read_study(path: Path) -> tuple[Study, str]:
     Raises:
         ConfigError: if it cannot be read, is not TOML, or has a wrong, unknown or missing key.
     """
-    text = _text(path)
+    text = toml_text(path, "study file", "`mfopt init` writes one")
     return study_of(text, where=str(path)), text
 
 
@@ -206,36 +204,10 @@ def study_of(text: str, *, where: str) -> Study:
     Raises:
         ConfigError: if it is not TOML, or has a wrong, unknown or missing key.
     """
-    try:
-        data = tomllib.loads(text)
-    except RecursionError as error:
-        raise ConfigError(f"{where}: its tables are nested too deeply; flatten them") from error
-    except ValueError as error:  # TOMLDecodeError, and what Python says of numbers too long
-        raise ConfigError(f"{where} is not valid TOML: {error}") from error
+    data = toml_tables(text, where)
     study = checked(Study, data, where=where)
     _check_levels(study, where)
     return study
-
-
-def _text(path: Path) -> str:
-    """The text of a study file; what is no file, or far too large for one, is not opened."""
-    try:
-        about = path.stat()
-        if not stat.S_ISREG(about.st_mode):
-            kind = "a directory" if stat.S_ISDIR(about.st_mode) else "not a file"
-            raise ConfigError(f"cannot read study file {path}: it is {kind}; give a TOML file")
-        if about.st_size > MOST_BYTES:
-            raise ConfigError(
-                f"study file {path} has {about.st_size / 1e6:.0f} MB, above the limit of "
-                f"{MOST_BYTES / 1e6:.0f} MB; is it the right file?"
-            )
-        return path.read_text(encoding="utf-8-sig")  # with or without a byte-order mark
-    except FileNotFoundError as error:
-        raise ConfigError(f"study file {path} does not exist; `mfopt init` writes one") from error
-    except UnicodeDecodeError as error:
-        raise ConfigError(f"cannot read study file {path}: it is not UTF-8 ({error})") from error
-    except OSError as error:
-        raise ConfigError(f"cannot read study file {path}: {error.strerror}") from error
 
 
 def _check_levels(study: Study, where: str) -> None:

@@ -6,7 +6,8 @@ from typing import ClassVar
 
 from pydantic import Field, model_validator
 
-from fidelity.scenes.beads import MILLI, Vessel, checked_design
+from fidelity.grains.settings import MILLI
+from fidelity.scenes.beads import Vessel, checked_design
 from fidelity.scenes.discharge.run import DischargeSettings, check_discharge
 from mfopt.arrays import Array
 from mfopt.limits import Bounds, Degrees, Millimetres, Milliseconds

@@ -25,8 +25,8 @@ import math
 
 import numpy as np
 
-from fidelity.grains.settings import GRAVITY
-from fidelity.scenes.dosing.design import MILLI, Design, dosing_cup
+from fidelity.grains.settings import GRAVITY, MILLI
+from fidelity.scenes.dosing.design import Design, dosing_cup
 from fidelity.scenes.dosing.settings import MOTION_PARAMETERS, DosingSettings
 from geometry.motion import MotionLaw
 from geometry.parts import Cup

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fidelity.grains.settings import MILLI
 from fidelity.scene import Possible
 from fidelity.scenes.dosing.settings import MOTION_PARAMETERS, SIMPLE_MOTIONS, DosingSettings
 from geometry.loft import Loft, check_loft
@@ -20,7 +21,6 @@ from mfopt.arrays import Array, frozen
 from mfopt.errors import ConfigError, InvalidDesign
 from mfopt.records.problem import Problem, Variable
 
-MILLI = 1e-3  # mm to m, ms to s
 MICRO = 1e-6  # ml to m3
 VIEWING_CHORDAL_ERROR = 2e-4  # [m] not to be seen in a picture of the machine
 MOTION_STEP = 1e-3  # [s] a tenth of a millimetre of error at 800 m/s2

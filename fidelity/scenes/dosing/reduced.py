@@ -22,8 +22,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fidelity.grains.settings import GRAVITY
-from fidelity.scenes.dosing.design import MILLI, Design, design
+from fidelity.grains.settings import GRAVITY, MILLI
+from fidelity.scenes.dosing.design import Design, design
 from fidelity.scenes.dosing.settings import DosingSettings
 from mfopt.arrays import AnyArray, Array, frozen
 from mfopt.errors import InvalidDesign

@@ -18,9 +18,9 @@ from fidelity.effects.switch import effect_named, is_on
 from fidelity.engine import Grain, Material, Movement, Packing, Setup, Wall, WallMotion
 from fidelity.grains.grain import portion_grain
 from fidelity.grains.portion import depth_in_section, depth_inside
-from fidelity.grains.settings import DemSettings
+from fidelity.grains.settings import MILLI, DemSettings
 from fidelity.scene import raw_of
-from fidelity.scenes.dosing.design import MILLI, MOTION_STEP, Design, dosing_cup, plate
+from fidelity.scenes.dosing.design import MOTION_STEP, Design, dosing_cup, plate
 from fidelity.scenes.dosing.filling import CupFilling, cup_mesh
 from fidelity.scenes.dosing.settings import DosingSettings
 from geometry.mesh import Mesh

@@ -8,12 +8,11 @@ from typing import ClassVar
 
 from fidelity.engine import Movement, Packing, Setup
 from fidelity.grains.filling import Portion
-from fidelity.grains.settings import DemSettings
+from fidelity.grains.settings import MILLI, DemSettings
 from fidelity.scene import Cycle, drawn
 from fidelity.scenes.dosing import objectives
 from fidelity.scenes.dosing.bound import filling_time_bound, smallest_filling_time_bound
 from fidelity.scenes.dosing.design import (
-    MILLI,
     cup_motion,
     design,
     design_parts,

@@ -10,9 +10,9 @@ from pydantic import Field
 
 from fidelity.engine import Movement, Packing, Setup
 from fidelity.grains.filling import Rained
-from fidelity.grains.settings import DemSettings
+from fidelity.grains.settings import MILLI, DemSettings
 from fidelity.scene import Cycle, raw_of
-from fidelity.scenes.beads import MILLI, Vessel, VesselScene, checked_design, problem_of
+from fidelity.scenes.beads import Vessel, VesselScene, checked_design, problem_of
 from fidelity.scenes.heap.run import (
     HeapSettings,
     check_heap,

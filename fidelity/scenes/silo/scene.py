@@ -9,9 +9,9 @@ from pydantic import Field
 
 from fidelity.engine import Movement, Packing, Setup
 from fidelity.grains.filling import filling_time, rectangle, strip
-from fidelity.grains.settings import DemSettings
+from fidelity.grains.settings import MILLI, DemSettings
 from fidelity.scene import Cycle, raw_of
-from fidelity.scenes.beads import MILLI, Vessel, VesselScene, problem_of
+from fidelity.scenes.beads import Vessel, VesselScene, problem_of
 from fidelity.scenes.silo.run import SiloSettings, silo_load, silo_setup
 from geometry.mesh import Mesh
 from mfopt.arrays import AnyArray, Array
