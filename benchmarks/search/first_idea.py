@@ -116,7 +116,7 @@ def confirmed(out: Path, text: str, study: Study, seed: int) -> list[Numbers]:
     done = subprocess.run(command, capture_output=True, text=True)
     if done.returncode:
         raise SystemExit(done.stderr)
-    its = open_stored(run)
+    its, _ = open_stored(run)
     return [
         {"objective": e.objective, **its.criteria.quantities_of(e.outcome)}
         for e in its.evaluations()

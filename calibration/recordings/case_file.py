@@ -35,7 +35,7 @@ def read_case(path: Path, channels: Channels) -> Case:
     Raises:
         ConfigError: if the case file or a recording cannot be trusted.
     """
-    return complete_case(read_case_settings(path), path, channels)
+    return complete_case(read_case_settings(path)[0], path, channels)
 
 
 def complete_case(settings: CaseSettings, path: Path, channels: Channels) -> Case:

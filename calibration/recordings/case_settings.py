@@ -186,12 +186,12 @@ class CaseSettings(Settings):
     recording: list[RecordingSettings] = Field(min_length=1, max_length=MOST_RECORDINGS)
 
 
-def read_case_settings(path: Path) -> CaseSettings:
-    """Read a case file, without the recordings.
+def read_case_settings(path: Path) -> tuple[CaseSettings, str]:
+    """Read a case file, without the recordings; return it with its text as given.
 
     Raises:
         ConfigError: if it cannot be read, is not TOML, or has a wrong, unknown or missing key.
     """
     text = toml_text(path, "case file", "give a TOML file")
     data = toml_tables(text, str(path))
-    return checked(CaseSettings, data, where=str(path))
+    return checked(CaseSettings, data, where=str(path)), text

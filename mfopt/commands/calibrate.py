@@ -2,7 +2,7 @@
 
 import os
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -17,8 +17,11 @@ from mfopt.campaign.memory import Memory
 from mfopt.campaign.store import writing
 from mfopt.commands.shared import AsJson, Into, Quiet, Resume, console
 from mfopt.files.whole import full_disk_named, write_aside
-from mfopt.study.case import COMPARED, AssembledCase, assemble_case
+from mfopt.records.objective import Criteria
 from mfopt.study.stored import CALIBRATE
+
+if TYPE_CHECKING:
+    from mfopt.study.case import AssembledCase
 
 RUNS = 200
 
@@ -41,6 +44,7 @@ def calibrate(
     from calibration.summary import in_words, summary
     from fidelity.engines.numba import prepare
     from fidelity.rig import SceneRig
+    from mfopt.study.case import COMPARED, assemble_case  # half a second, which only this needs
 
     on = console(quiet=quiet or as_json)
     parts = assemble_case(case_file)
@@ -55,8 +59,8 @@ def calibrate(
     with full_disk_named(path), writing(path):
         if isinstance(parts.rig, SceneRig):
             prepare(lambda: on.print("compiling the grain engine, once: about 30 s"))
-        into = begin(path, parts.text, _header(parts, runs, count), resume=resume,
-                     criteria=COMPARED)  # fmt: skip
+        now = _header(parts, COMPARED, runs, count)
+        into = begin(path, parts.text, now, resume=resume, criteria=COMPARED)
         columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(),
                    TimeRemainingColumn())  # fmt: skip
         runner = Runner(local_processes(count))
@@ -87,9 +91,11 @@ def calibrate(
             on.print(line)
 
 
-def _header(parts: AssembledCase, runs: int, workers: int) -> dict[str, object]:
+def _header(
+    parts: "AssembledCase", criteria: Criteria, runs: int, workers: int
+) -> dict[str, object]:
     return header(
         parts.problem, parts.ladder, name=parts.case.name, seed=parts.case.seed,
-        method=CALIBRATE, objective="none", criteria=COMPARED, workers=workers,
+        method=CALIBRATE, objective="none", criteria=criteria, workers=workers,
         settings={"runs": runs, **parts.meaning},
     )  # fmt: skip

@@ -8,20 +8,20 @@ from mfopt.commands.shared import Quiet, RunPath, console
 from mfopt.files.whole import full_disk_named
 from mfopt.records.view import DesignView
 from mfopt.study.assemble import drawn
-from mfopt.study.stored import open_stored, study_of_run
+from mfopt.study.file import Study
+from mfopt.study.stored import open_stored
 
 
 def report(path: RunPath, quiet: Quiet = False) -> None:
     """Write report.html and report.pdf of a finished, running or broken-off run."""
     with full_disk_named(path):
-        write_reports(open_stored(path), console(quiet=quiet))
+        write_reports(*open_stored(path), console(quiet=quiet))
 
 
-def write_reports(run: RunDirectory, on: Console) -> None:
+def write_reports(run: RunDirectory, study: Study | None, on: Console) -> None:
     """Write the reports of a run of a study, or of one of `mfopt.minimize`."""
     from reports.write import write_report
 
-    study = study_of_run(run)
     seen = None if study is None else drawn(study, where=str(run.study_file))
 
     def describe(x: Array) -> DesignView | None:

@@ -78,7 +78,7 @@ def run(
             )
         if ended is not None and into.made == made:
             on.print(f"nothing was left to do: {ended}")
-        write_reports(into, on)
+        write_reports(into, study, on)
     print_result(path, on, as_json=as_json)
     own, simulators = display.cpu()
     on.print(f"mfopt itself took {own:.1f} s of CPU, {own / (own + simulators):.1%} of all")

@@ -118,7 +118,7 @@ def chosen_design(problem: Problem, settings: list[str], best_of: Path | None) -
 def _best_design(path: Path, problem: Problem) -> Array:
     from reports.answer import found_in
 
-    run = open_stored(path)
+    run, _ = open_stored(path)
     _, found = found_in(run)
     if found is None:
         raise ConfigError(f"{path} has no finished run yet")

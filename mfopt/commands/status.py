@@ -19,7 +19,8 @@ def print_result(path: Path, on: Console, *, as_json: bool) -> None:
     """The result in a few lines, or as JSON."""
     from reports.answer import answer, as_text
 
+    run, _ = open_stored(path)
     if as_json:
-        typer.echo(json.dumps(answer(open_stored(path)), indent=2))
+        typer.echo(json.dumps(answer(run), indent=2))
     else:
-        on.print(as_text(open_stored(path)))
+        on.print(as_text(run))

@@ -62,7 +62,7 @@ def assemble_case(path: Path) -> AssembledCase:
     Raises:
         ConfigError: if the case or a recording cannot be trusted, or the simulator is missing.
     """
-    settings = read_case_settings(path)
+    settings, text = read_case_settings(path)
     rig = _rig(settings.rig, path)
     case = complete_case(settings, path, rig.channels)
     names = tuple(p.name for p in case.parameters)
@@ -80,7 +80,6 @@ def assemble_case(path: Path) -> AssembledCase:
     )
     channels = sorted({c for recording in case.recordings for c in recording.channels})
     noises = {c: measurement_noise(case.recordings, c, case.measurement.of(c)) for c in channels}
-    text = path.read_text()
     return AssembledCase(case, rig, problem, ladder, noises, text, _meaning(path, case, text))
 
 
