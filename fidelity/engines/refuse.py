@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import fields
 from typing import Any
 
 from fidelity.engine import Physics, Wall
@@ -10,20 +11,21 @@ from mfopt.errors import ConfigError
 ABSENT = Physics()  # every field at the value at which its physics is absent
 
 
-def refuse(engine: str, physics: Physics, *, lacks: Sequence[str]) -> None:
+def refuse(engine: str, physics: Physics, *, has: Sequence[str]) -> None:
     """Refuse a setup that asks for physics that the engine lacks.
 
     Args:
         engine: its name.
         physics: what the setup asks for.
-        lacks: the fields of `Physics` that must be at the value at which they are absent.
+        has: the fields of `Physics` that it has; all others must be at the value at which they
+            are absent.
 
     Raises:
-        ConfigError: if one of them is not.
+        ConfigError: if one of those others is not.
     """
-    for name in lacks:
+    for name in (field.name for field in fields(Physics)):
         value, absent = getattr(physics, name), getattr(ABSENT, name)
-        if value != absent:
+        if name not in has and value != absent:
             raise refusal(engine, name, value, f"set it to {absent!r}")
 
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import fields
 
 from pydantic import Field
 
@@ -75,14 +76,12 @@ class DemSettings(Settings):
     def physics(self, usual_step: float | None = None) -> Physics:
         """Contact and integration settings, with the gravity of the earth.
 
+        A field here that has the name of one of `Physics` is passed on to the engine.
         `usual_step` is the `timestep_factor` where the study gives none; None: that of the law.
         """
         usual = USUAL_STEP[self.contact_law] if usual_step is None else usual_step
-        return Physics(
-            contact_law=self.contact_law,
-            restitution=self.restitution,
-            damping=self.damping,
-            damp_gravity=self.damp_gravity,
-            gravity=GRAVITY,
-            timestep_factor=usual if self.timestep_factor is None else self.timestep_factor,
-        )
+        names = {field.name for field in fields(Physics)} & DemSettings.model_fields.keys()
+        given = {name: getattr(self, name) for name in names}
+        if self.timestep_factor is None:
+            given["timestep_factor"] = usual
+        return Physics(**given, gravity=GRAVITY)

@@ -44,12 +44,17 @@ DemName = Literal["numba", "yade", "bullet"]
 DEM_NAMES = get_args(DemName)
 
 
-class DemLevelSettings(DemSettings):
+class EngineOptions(Settings):
+    """What a level says to one engine alone; `engine_named` hands each option to its engine."""
+
+    precision: Precision = "double"  # of YADE
+
+
+class DemLevelSettings(DemSettings, EngineOptions):
     """A level on a discrete-element engine; of several engines the first installed one runs."""
 
     name: Name
     engine: DemName | list[DemName]
-    precision: Precision = "double"  # of YADE
 
 
 class ReducedLevelSettings(Settings):
@@ -301,7 +306,7 @@ def _scene_level(
 ) -> tuple[SceneLevel, Mapping[str, Any]]:
     names = settings.engine if isinstance(settings.engine, list) else [settings.engine]
     try:
-        engine = _first_installed([engine_named(name, settings.precision) for name in names])
+        engine = _first_installed([engine_named(name, settings) for name in names])
     except ConfigError as error:
         raise ConfigError(f"{where}: {error}") from error
     numerics = {name: getattr(settings, name) for name in DemSettings.model_fields}
@@ -331,8 +336,9 @@ def _reference(study: Study, ladder: Ladder, where: str) -> tuple[Reference | No
     if not names:
         return None, None
     top = _on_grains(ladder.top, names, where)
-    precision = study.level[-1].get("precision", "double")
-    engines = [e for n in names if (e := _dem_engine(n, precision, where)).name != top.engine.name]
+    options = level_settings(study.level[-1], where)
+    assert isinstance(options, DemLevelSettings)
+    engines = [e for n in names if (e := _dem_engine(n, options, where)).name != top.engine.name]
     if not engines:
         return Reference(why_not=f"the target level runs on {top.engine.name} itself"), None
     try:
@@ -355,23 +361,24 @@ def _on_grains(top: Level, names: Sequence[str], where: str) -> SceneLevel:
     return top
 
 
-def _dem_engine(name: str, precision: Precision, where: str) -> Engine:
+def _dem_engine(name: str, options: EngineOptions, where: str) -> Engine:
     if name not in DEM_NAMES:
         raise ConfigError(f"{where} = {name!r} must be one of {_listed(DEM_NAMES)}")
-    return engine_named(cast(DemName, name), precision)
+    return engine_named(cast(DemName, name), options)
 
 
 def _listed(names: Sequence[str]) -> str:
     return ", ".join(map(repr, names))
 
 
-def engine_named(name: DemName, precision: Precision = "double") -> Engine:
-    """The engine of that name."""
+def engine_named(name: DemName, options: EngineOptions | None = None) -> Engine:
+    """The engine of that name, with those of the options that are its own."""
+    its = EngineOptions() if options is None else options
     match name:
         case "numba":
             return NumbaEngine()
         case "yade":
-            return YadeEngine(precision)
+            return YadeEngine(its.precision)
         case "bullet":
             return BulletEngine()
 

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fidelity.grains.settings import DemSettings
 from fidelity.level import SceneLevel
 from fidelity.scene import Scene, read_scene
 from mfopt.arrays import Array, frozen
@@ -14,7 +13,13 @@ from mfopt.errors import ConfigError, SimulationError
 from mfopt.records.objective import Criteria
 from mfopt.records.outcome import Outcome
 from mfopt.settings import checked, nearest
-from mfopt.study.assemble import DEM_NAMES, DemName, engine_named, scene_class
+from mfopt.study.assemble import (
+    DEM_NAMES,
+    DemLevelSettings,
+    DemName,
+    engine_named,
+    scene_class,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -54,8 +59,9 @@ class LoadedScene:
         """
         if engine not in DEM_NAMES:
             raise ConfigError(f"engine = {engine!r} must be one of {', '.join(DEM_NAMES)}")
-        dem = checked(DemSettings, {"grains": grains, **numerics}, where="run")
-        level = SceneLevel(engine, self.scene, dem, engine_named(engine))
+        table = {"grains": grains, **numerics, "name": engine, "engine": engine}
+        settings = checked(DemLevelSettings, table, where="run")
+        level = SceneLevel(engine, self.scene, settings, engine_named(engine, settings))
         outcome = level.evaluate(self._x(design or {}), seed=seed)
         if not outcome.finished:
             raise SimulationError(f"the run of {self.scene.name} failed: {outcome.why}")

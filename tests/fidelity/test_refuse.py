@@ -62,8 +62,14 @@ def test_yade_refuses_drag_on_grains_of_several_spheres(name: str) -> None:
         YadeEngine().move(replace(SETUP, grain=long, physics=physics), time_limit_s=60.0)
 
 
+def test_physics_that_no_engine_names_is_refused() -> None:
+    for name in ("linear_drag", "adhesion_energy", "rolling_friction"):
+        with pytest.raises(ConfigError, match=f"{name} = 0.5"):
+            refuse("any", Physics(**{name: 0.5}), has=("damping",))  # type: ignore[arg-type]
+
+
 def test_absent_physics_is_no_reason_to_refuse() -> None:
-    lacks = ("contact_law", "restitution", "rolling_friction", "body_forces")
-    refuse("any", Physics(damping=0.5, gravity=1.6), lacks=lacks)
+    has = ("damping", "gravity")
+    refuse("any", Physics(damping=0.5, gravity=1.6), has=has)
     with pytest.raises(ConfigError, match="set it to None"):
-        refuse("any", Physics(restitution=0.5), lacks=lacks)
+        refuse("any", Physics(restitution=0.5), has=has)

@@ -3,7 +3,8 @@ import math
 import pytest
 from pydantic import ValidationError
 
-from fidelity.grains.settings import DemSettings
+from fidelity.engine import Physics
+from fidelity.grains.settings import GRAVITY, DemSettings
 from fidelity.scenes.dosing.settings import PARAMETERS, DosingSettings
 
 
@@ -64,3 +65,15 @@ def test_wrong_settings_are_named(given: dict[str, object], message: str) -> Non
 def test_a_level_needs_grains() -> None:
     with pytest.raises(ValidationError, match="grains"):
         DemSettings.model_validate({"spheres_per_grain": 5})
+
+
+def test_what_a_level_says_of_physics_reaches_the_engine() -> None:
+    dem = DemSettings(
+        grains=9, contact_law="hertz", restitution=0.6, damping=0.0, damp_gravity=True,
+        timestep_factor=1.7,
+    )  # fmt: skip
+    assert dem.physics() == Physics(
+        contact_law="hertz", restitution=0.6, damping=0.0, damp_gravity=True, gravity=GRAVITY,
+        timestep_factor=1.7,
+    )  # fmt: skip
+    assert DemSettings(grains=9).physics(0.4).timestep_factor == 0.4

@@ -18,9 +18,15 @@ def run() -> SceneRun:
 
 def test_a_run_prints_its_quantities_in_a_few_lines(run: SceneRun) -> None:
     lines = repr(run).splitlines()
-    assert len(lines) == 5
+    assert len(lines) == 2 + len(run.quantities)
     assert lines[1].startswith("mass flow rate: ")
     assert lines[1].endswith(" g/s")
+
+
+def test_a_run_takes_what_a_level_says_to_one_engine_alone() -> None:
+    hopper = mfopt.load_scene("discharge")
+    with pytest.raises(ConfigError, match="precision = 'half'"):
+        hopper.run(engine="yade", precision="half")
 
 
 def test_series_run_from_a_full_hopper_to_an_emptier_one(run: SceneRun) -> None:

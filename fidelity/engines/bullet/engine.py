@@ -20,16 +20,7 @@ from mfopt.errors import ConfigError
 
 LAST_PYTHON = (3, 11)  # that PyBullet has a wheel for
 
-LACKS = (
-    "contact_law",
-    "gravity_direction",
-    "rolling_friction",
-    "rolling_stiffness",
-    "adhesion_energy",
-    "linear_drag",
-    "quadratic_drag",
-    "body_forces",
-)
+HAS = ("restitution", "damping", "damp_gravity", "gravity", "timestep_factor")  # of `Physics`
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +69,7 @@ class BulletEngine:
         Raises:
             ConfigError: if the setup asks for physics that Bullet lacks.
         """
-        refuse(self.name, setup.physics, lacks=LACKS)
+        refuse(self.name, setup.physics, has=HAS)
         refuse_walls(self.name, setup.walls)
         settings = {"timestep": self.timestep_s, "iterations": self.iterations}
         return move_elsewhere(

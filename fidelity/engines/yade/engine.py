@@ -26,11 +26,10 @@ COST_FACTORS: dict[Precision, float] = {"double": 1.0, "longdouble": 5.0, "float
 
 TRACE_PERIOD_S = 0.01  # simulated time between two files of a trace
 
-LACKS = (
-    "rolling_friction",
-    "rolling_stiffness",
-    "body_forces",
-)
+HAS = (  # of `Physics`
+    "contact_law", "restitution", "damping", "damp_gravity", "gravity", "gravity_direction",
+    "timestep_factor", "adhesion_energy", "linear_drag", "quadratic_drag",
+)  # fmt: skip
 DRAGS = ("linear_drag", "quadratic_drag")  # act on spheres, so on grains of one sphere only
 
 _SCRIPT = Path(__file__).with_name("script.py")
@@ -114,7 +113,7 @@ class YadeEngine:
 
 def _check(engine: str, setup: Setup) -> None:
     physics = setup.physics
-    refuse(engine, physics, lacks=LACKS)
+    refuse(engine, physics, has=HAS)
     for name in DRAGS:
         if getattr(physics, name) != 0.0 and len(setup.grain.radii) > 1:
             remedy = "set it to 0.0, give the grains one sphere"
