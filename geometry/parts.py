@@ -12,13 +12,13 @@ import numpy as np
 
 from geometry.loft import Loft, check_loft, check_tube
 from geometry.mesh import Mesh
-from geometry.rings import Ring, cap, closed_up, ring, sagitta, strip
+from geometry.rings import Ring, closed_up, ring, sagitta, strip
 from geometry.sections import SLACK, Section, check_section
 from mfopt.arrays import Array
 from mfopt.errors import ConfigError, InvalidDesign
 
-# Wanted quality (`mesh.quality`) of thin triangles: about 1 : 90. A straight piece has one span, or
-# more if the triangles would be thinner.
+# Wanted quality of thin triangles, 4 sqrt(3) area / sum of squared edges: about 1 : 90. A straight
+# piece has one span, or more if the triangles would be thinner.
 THINNEST = 0.02
 # Number of heights at which the exact surface, a cubic, is sampled [1]: 1.3 mm apart.
 SAMPLES = 200
@@ -44,12 +44,14 @@ def cup_wall(cup: Cup, chordal_error: float, height: float | None = None) -> Mes
     (2/3) 2 pi r e / area, with the sagitta e <= chordal_error / 2. For the 130 x 100 x 20 mm cup
     the share is 0.25 % at 1 mm and 0.45 % at 1.4 mm.
     """
-    return _mesh(_cup_rings(cup, chordal_error, height), closed=False)
-
-
-def cup_cavity(cup: Cup, chordal_error: float) -> Mesh:
-    """The cup's inside as a closed mesh; the volume is too small as in `cup_wall`."""
-    return _mesh(_cup_rings(cup, chordal_error, None), closed=True)
+    _check_chordal_error(chordal_error)
+    check_section(cup.section, "cup")
+    top = cup.height if height is None else height
+    if not (math.isfinite(top) and top > SLACK):
+        raise InvalidDesign(f"cup height = {top:.4g} m must exceed 0; increase its volume")
+    upper, lower = (ring(cup.section, z, chordal_error) for z in (top, 0.0))
+    heights = np.linspace(top, 0.0, _spans(upper, lower) + 1)
+    return _mesh([ring(cup.section, float(z), chordal_error) for z in heights])
 
 
 def plate_with_hole(hole: Section, length: float, width: float, chordal_error: float) -> Mesh:
@@ -74,11 +76,11 @@ def plate_with_hole(hole: Section, length: float, width: float, chordal_error: f
     x, y = length / 2, width / 2
     rim = np.array([[x, y, 0.0], [-x, y, 0.0], [-x, -y, 0.0], [x, -y, 0.0]])
     outer = Ring(rim, np.array([1.0, 2.0, 3.0, 4.0]))
-    return _mesh([outer, ring(hole, 0.0, chordal_error)], closed=False)
+    return _mesh([outer, ring(hole, 0.0, chordal_error)])
 
 
-def passage(loft: Loft, tube_end_z: float, chordal_error: float, *, closed: bool = False) -> Mesh:
-    """Hopper and straight tube below it, open at top and bottom unless `closed`.
+def passage(loft: Loft, tube_end_z: float, chordal_error: float) -> Mesh:
+    """Hopper and straight tube below it, open at top and bottom.
 
     Raises:
         InvalidDesign: if the loft cannot be built, or the tube would end inside the hopper.
@@ -94,7 +96,7 @@ def passage(loft: Loft, tube_end_z: float, chordal_error: float, *, closed: bool
     spans = _spans(rings[-1], last)
     for z in np.linspace(outlet, tube_end_z, spans + 1)[1:]:
         rings.append(ring(tube, float(z), chordal_error))
-    return _mesh(rings, closed=closed)
+    return _mesh(rings)
 
 
 def ring_heights(loft: Loft, chordal_error: float) -> Array:
@@ -162,24 +164,10 @@ def _spans(upper: Ring, lower: Ring) -> int:
     return max(1, math.ceil(THINNEST * height / (math.sqrt(3) * shortest) - 1e-9))
 
 
-def _cup_rings(cup: Cup, chordal_error: float, height: float | None) -> list[Ring]:
-    """Rings of the cup's wall from the top to the plate."""
-    _check_chordal_error(chordal_error)
-    check_section(cup.section, "cup")
-    top = cup.height if height is None else height
-    if not (math.isfinite(top) and top > SLACK):
-        raise InvalidDesign(f"cup height = {top:.4g} m must exceed 0; increase its volume")
-    upper, lower = (ring(cup.section, z, chordal_error) for z in (top, 0.0))
-    heights = np.linspace(top, 0.0, _spans(upper, lower) + 1)
-    return [ring(cup.section, float(z), chordal_error) for z in heights]
-
-
-def _mesh(rings: Sequence[Ring], *, closed: bool) -> Mesh:
-    """Strips between successive rings, from the top down, with caps if `closed`."""
+def _mesh(rings: Sequence[Ring]) -> Mesh:
+    """Strips between successive rings, from the top down."""
     starts = np.cumsum([0] + [len(r.points) for r in rings])
     parts = [strip(a, b) + starts[k] for k, (a, b) in enumerate(pairwise(rings))]
-    if closed:
-        parts += [cap(rings[0]), cap(rings[-1])[:, ::-1] + starts[-2]]
     return Mesh(np.vstack([r.points for r in rings]), np.vstack(parts))
 
 

@@ -109,23 +109,3 @@ def _quad(upper: Ring, lower: Ring, i: int, j: int) -> list[tuple[int, int, int]
     if falling <= rising:
         return [(a, b, b_next), (a, b_next, a_next)]
     return [(a, b, a_next), (a_next, b, b_next)]
-
-
-def cap(closing: Ring) -> IntArray:
-    """Triangles (m - 2, 3) that fill a ring, facing up.
-
-    A zigzag from the +x side to the -x side, taking the shorter diagonal each time.
-    """
-    points = closing.points
-    low, high = 0, len(points) - 1
-    triangles = []
-    while high - low > 1:
-        forward = math.dist(points[low + 1], points[high])
-        backward = math.dist(points[low], points[high - 1])
-        if forward <= backward:
-            triangles.append((low, low + 1, high))
-            low += 1
-        else:
-            triangles.append((low, high - 1, high))
-            high -= 1
-    return np.array(triangles, dtype=np.int64)

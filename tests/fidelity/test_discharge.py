@@ -22,7 +22,8 @@ from fidelity.scenes.discharge.run import (
     filling_setup,
     vessel,
 )
-from geometry.mesh import DEGENERATE, Mesh, merged, open_edges, smallest_quality, volume
+from geometry.mesh import Mesh
+from mesh_checks import DEGENERATE, merged, open_edges, smallest_quality, volume
 from mfopt.arrays import Array
 from mfopt.errors import ConfigError
 

@@ -12,7 +12,7 @@ from fidelity.scenes.dosing.design import (
     starting_designs,
 )
 from fidelity.scenes.dosing.settings import CupSettings, DosingSettings
-from geometry.mesh import merged, open_edges
+from mesh_checks import merged, open_edges
 from mfopt.arrays import Array
 from mfopt.errors import ConfigError, InvalidDesign
 

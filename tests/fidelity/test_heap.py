@@ -18,7 +18,8 @@ from fidelity.scenes.heap.run import (
     heap_setup,
     surface_height,
 )
-from geometry.mesh import Mesh, open_edges
+from geometry.mesh import Mesh
+from mesh_checks import open_edges
 from mfopt.arrays import Array
 from mfopt.errors import ConfigError
 

@@ -8,7 +8,8 @@ from fidelity.effects.switch import with_effects
 from fidelity.engines.numba import NumbaEngine
 from fidelity.grains.portion import largest_overlap, sphere_centres
 from fidelity.scenes.silo.run import SiloSettings, silo_load, silo_setup
-from geometry.mesh import Mesh, merged, open_edges
+from geometry.mesh import Mesh
+from mesh_checks import merged, open_edges
 from mfopt.errors import ConfigError
 
 

@@ -11,16 +11,16 @@ from hopper_designs import CURVED, TOUCHING, TUBE_END, prism, straight
 
 from geometry.export import write_gltf, write_step, write_stl
 from geometry.loft import Loft
-from geometry.mesh import volume
 from geometry.parts import passage
 from geometry.sections import Section
 from geometry.step import surfaces
+from mesh_checks import capped, distances, volume
 from mfopt.arrays import Array
 from mfopt.errors import ConfigError, InvalidDesign
 
 
 def test_stl_is_the_mesh_in_millimetres(tmp_path: Path) -> None:
-    mesh = passage(CURVED, TUBE_END, 0.001, closed=True)
+    mesh = capped(passage(CURVED, TUBE_END, 0.001))
     write_stl(tmp_path / "passage.stl", mesh)
     content = (tmp_path / "passage.stl").read_bytes()
     assert content[:80].rstrip() == b"mfopt, millimetres"
@@ -33,7 +33,7 @@ def test_stl_is_the_mesh_in_millimetres(tmp_path: Path) -> None:
 
 
 def test_gltf_keeps_names_colours_and_metres_with_y_up(tmp_path: Path) -> None:
-    closed = passage(CURVED, TUBE_END, 0.001, closed=True)
+    closed = capped(passage(CURVED, TUBE_END, 0.001))
     write_gltf(tmp_path / "machine.glb", {"hopper": closed, "copy": closed})
     scene = trimesh.load(tmp_path / "machine.glb")
     assert set(scene.geometry) == {"hopper", "copy"}
@@ -46,8 +46,6 @@ def test_gltf_keeps_names_colours_and_metres_with_y_up(tmp_path: Path) -> None:
 
 def test_step_surfaces_are_the_loft_itself() -> None:
     # Points of the rational Bezier patches against the section at their height.
-    from geometry.accuracy import distances
-
     for loft in (CURVED, TOUCHING, straight(), prism(Section(0.08, 0.08, 0.04, 0.0))):
         for poles, weights in surfaces(loft, TUBE_END):
             around, along = bernstein(len(poles) - 1), bernstein(poles.shape[1] - 1)
@@ -75,7 +73,7 @@ def test_step_holds_the_volume_of_the_mesh(
     write_step(tmp_path / "hopper.step", loft, TUBE_END)
     assert "SI_UNIT(.MILLI.,.METRE.)" in (tmp_path / "hopper.step").read_text()
     assert capfd.readouterr().out == ""  # the CAD kernel stays silent
-    fine = volume(passage(loft, TUBE_END, 0.0001, closed=True))
+    fine = volume(capped(passage(loft, TUBE_END, 0.0001)))
     # The mesh is inscribed in the corners: up to 2/3 sagitta x perimeter / area, 0.2 % here.
     assert volume_of_step(tmp_path / "hopper.step") == pytest.approx(fine * 1e9, rel=0.002)
 

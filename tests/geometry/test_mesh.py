@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from geometry.mesh import Mesh, merged, open_edges, smallest_quality, volume
+from geometry.mesh import Mesh
+from mesh_checks import merged, open_edges, smallest_quality, volume
 
 TETRAHEDRON = Mesh(
     np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]),

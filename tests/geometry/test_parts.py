@@ -5,12 +5,22 @@ import pytest
 import trimesh
 from hopper_designs import CURVED, HEIGHTS, HOLE, TOUCHING, TUBE, TUBE_END, drawn, prism, straight
 
-from geometry.accuracy import chordal_error, distances
 from geometry.loft import Loft, check_loft
-from geometry.mesh import DEGENERATE, Mesh, merged, open_edges, quality, smallest_quality, volume
-from geometry.parts import Cup, cup_cavity, cup_wall, passage, plate_with_hole
+from geometry.mesh import Mesh
+from geometry.parts import Cup, cup_wall, passage, plate_with_hole
 from geometry.rings import ring
 from geometry.sections import Section
+from mesh_checks import (
+    DEGENERATE,
+    capped,
+    chordal_error,
+    distances,
+    merged,
+    open_edges,
+    quality,
+    smallest_quality,
+    volume,
+)
 from mfopt.arrays import Array
 from mfopt.errors import ConfigError, InvalidDesign
 
@@ -19,7 +29,7 @@ CUP = Cup(Section(0.13, 0.1, 0.02, 0.0), 1.279e-3)
 
 @pytest.mark.parametrize("error", [0.0005, 0.001, 0.0015])
 def test_cup_holds_its_volume(error: float) -> None:
-    cavity = cup_cavity(CUP, error)
+    cavity = capped(cup_wall(CUP, error))
     assert CUP.section.area * CUP.height == pytest.approx(1.279e-3)
     assert volume(cavity) == pytest.approx(1.279e-3, rel=0.005)
     assert volume(cavity) < 1.279e-3  # inscribed
@@ -55,7 +65,7 @@ def test_measured_error_sees_a_dent() -> None:
 
 
 def test_sections_equal_to_the_tube_give_exactly_a_prism() -> None:
-    mesh = passage(prism(TUBE), TUBE_END, 0.001, closed=True)
+    mesh = capped(passage(prism(TUBE), TUBE_END, 0.001))
     base = ring(TUBE, 0.0, 0.001).points[:, :2]
     for z in np.unique(mesh.vertices[:, 2]):
         assert np.array_equal(mesh.vertices[mesh.vertices[:, 2] == z, :2], base)
@@ -69,8 +79,7 @@ def test_volume_converges_to_the_integral_of_the_section() -> None:
     areas = np.array([CURVED.section(height).area for height in z])
     exact = np.trapezoid(areas, z) + 0.3 * TUBE.area
     errors = [
-        abs(volume(passage(CURVED, TUBE_END, e, closed=True)) / exact - 1)
-        for e in (2e-3, 5e-4, 1e-4)
+        abs(volume(capped(passage(CURVED, TUBE_END, e))) / exact - 1) for e in (2e-3, 5e-4, 1e-4)
     ]
     assert errors[0] > errors[1] > errors[2]
     assert errors[2] < 0.001
@@ -87,7 +96,7 @@ def test_five_hundred_random_designs_are_watertight_or_named_invalid() -> None:
     for _ in range(500):
         loft = drawn(rng)
         try:
-            closed = passage(loft, TUBE_END, 0.001, closed=True)
+            closed = capped(passage(loft, TUBE_END, 0.001))
         except InvalidDesign as error:
             named = named and ("radius" in str(error) or "flat part" in str(error))
             continue
@@ -127,7 +136,7 @@ def test_closing_sides_leave_no_thin_triangles() -> None:
     # A flat part of some hundredths of a millimetre would give needles.
     for flat in (0.0, 1e-9, 1e-5, 2e-4, 4e-4, 1e-3):
         nearly = Section(0.08 + flat, 0.08, 0.04, 0.0)
-        mesh = passage(prism(nearly), TUBE_END, 0.001, closed=True)
+        mesh = capped(passage(prism(nearly), TUBE_END, 0.001))
         assert quality(mesh).min() > DEGENERATE
         assert len(open_edges(mesh)) == 0
         assert chordal_error(passage(prism(nearly), TUBE_END, 0.001), prism(nearly)) <= 0.001

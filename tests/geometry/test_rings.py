@@ -5,9 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from geometry.mesh import Mesh, open_edges, smallest_quality, volume
-from geometry.rings import cap, chords, ring, sagitta, strip
+from geometry.mesh import Mesh
+from geometry.rings import chords, ring, sagitta, strip
 from geometry.sections import Section
+from mesh_checks import capped, open_edges, smallest_quality, volume
 from mfopt.arrays import Array
 
 
@@ -47,9 +48,7 @@ def test_strip_between_different_rings_closes_and_holds_the_volume_of_minkowski(
     lower: Section,
 ) -> None:
     above, below = ring(Section(0.1, 0.08, 0.03, 0), 0.1, 0.001), ring(lower, 0.0, 0.001)
-    m = len(above.points)
-    parts = [strip(above, below), cap(above), cap(below)[:, ::-1] + m]
-    mesh = Mesh(np.vstack([above.points, below.points]), np.vstack(parts))
+    mesh = capped(Mesh(np.vstack([above.points, below.points]), strip(above, below)))
     assert len(open_edges(mesh)) == 0
     assert smallest_quality(mesh) > 0.02
     # Cuts are (1 - t) A + t B, so the area is quadratic in t: Simpson's rule is exact.
