@@ -15,23 +15,13 @@ from fidelity.grains.filling import Portion
 from mfopt.errors import ConfigError
 from mfopt.records.effect import complete, is_absent
 
-# In the order in which they are applied: vibration adds to the motion of the gate.
+# All that the files define, in this order: so they are applied. Vibration comes last, and adds to
+# the motion of the gate.
 EFFECTS: Mapping[str, PortionEffect | SetupEffect] = {
     each.effect.name: each
-    for each in (
-        shapes.TWO_SIZES,
-        shapes.GRAIN_ASPECT,
-        contacts.ROLLING_RESISTANCE,
-        contacts.COHESION,
-        contacts.RESTITUTION,
-        contacts.SIDE_WALL_FRICTION,
-        field.DRAG_LINEAR,
-        field.DRAG_QUADRATIC,
-        field.BODY_DAMPING,
-        field.TILT,
-        moving_walls.SLOW_GATE,
-        moving_walls.VIBRATION,
-    )
+    for file in (shapes, contacts, field, moving_walls)
+    for each in vars(file).values()
+    if isinstance(each, PortionEffect | SetupEffect)
 }
 
 
