@@ -46,3 +46,7 @@ def __getattr__(name: str) -> Any:
     if sys.platform != "linux":
         raise ImportError(LINUX_ONLY)
     return getattr(import_module(_HOME[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_HOME})

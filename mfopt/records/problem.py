@@ -34,7 +34,7 @@ class Variable:
         if self.lower >= self.upper:
             raise ConfigError(
                 f"variable {self.name!r}: lower bound {self.lower:g} must be below "
-                f"upper bound {self.upper:g} {self.unit}; exchange them"
+                f"upper bound {self.upper:g}; exchange them"
             )
 
     @property

@@ -8,6 +8,7 @@ import numpy as np
 
 from fidelity.level import SceneLevel
 from fidelity.scene import Scene, read_scene
+from fidelity.scenes.beads import Vessel
 from mfopt.arrays import Array, frozen
 from mfopt.errors import ConfigError, SimulationError
 from mfopt.records.objective import Criteria
@@ -31,7 +32,7 @@ WIDTH = 100  # characters of a line
 
 @dataclass(frozen=True, slots=True, repr=False)
 class LoadedScene:
-    """A scene with its settings, ready to be run."""
+    """A scene with its settings: `run()` simulates once, `print` shows the design."""
 
     scene: Scene
 
@@ -51,7 +52,8 @@ class LoadedScene:
             seed: of the packing.
             engine: "numba", "yade" or "bullet".
             grains: how many; the mass stays the same.
-            numerics: what a level of a study file may say besides, such as `spheres_per_grain`.
+            numerics: what a level of a study file may say besides, such as `spheres_per_grain=1`
+                or `effects={"tilt": {"angle": 0.1}}`; the units are those of the study file.
 
         Raises:
             ConfigError: if an argument is wrong, or the engine is not installed.
@@ -102,28 +104,45 @@ class SceneRun:
         return {its.name: its.read(self.outcome.raw) for its in self.criteria.series}
 
     def frame(self) -> "DataFrame":
-        """The quantities over time as a pandas frame: one row a time, one column a quantity."""
+        """The quantities over time in SI units as a pandas frame: one row a time.
+
+        Raises:
+            ConfigError: if the scene has no quantities over time.
+        """
         from pandas import DataFrame
 
         columns = self.series
-        times = np.unique(np.concatenate([t for t, _ in columns.values()] or [np.empty(0)]))
+        self._refuse_without_series()
+        times = np.unique(np.concatenate([t for t, _ in columns.values()]))
         made = {name: np.interp(times, t, v) for name, (t, v) in columns.items()}
         return DataFrame({"time [s]": times, **made}).set_index("time [s]")
 
     def plot(self) -> "Figure":
-        """Draw the quantities over time, one panel each."""
+        """Draw the quantities over time, one panel each.
+
+        Raises:
+            ConfigError: if the scene has no quantities over time.
+        """
         from matplotlib.figure import Figure
 
         its = self.criteria.series
-        figure = Figure(figsize=(6.4, 1.0 + 1.7 * max(1, len(its))), layout="constrained")
-        panels = figure.subplots(max(1, len(its)), 1, sharex=True, squeeze=False)[:, 0]
-        for panel, series in zip(panels, its, strict=False):
+        self._refuse_without_series()
+        figure = Figure(figsize=(6.4, 1.0 + 1.7 * len(its)), layout="constrained")
+        panels = figure.subplots(len(its), 1, sharex=True, squeeze=False)[:, 0]
+        for panel, series in zip(panels, its, strict=True):
             times, values = series.read(self.outcome.raw)
             factor, unit = series.shown
             panel.plot(times, values * factor)
             panel.set_ylabel(f"{series.name}\n[{unit}]")
         panels[-1].set_xlabel("time [s]")
         return figure
+
+    def _refuse_without_series(self) -> None:
+        if not self.criteria.series:
+            raise ConfigError(
+                f"the scene {self.name} has no quantities over time; "
+                "print(run) and run.quantities give its results"
+            )
 
     def __repr__(self) -> str:
         lines = [f"run of {self.name}, seed {self.outcome.seed}, level {self.outcome.level}"]
@@ -135,7 +154,9 @@ class SceneRun:
 
 
 def load_scene(name: str, **settings: Any) -> LoadedScene:
-    """A scene of mfopt, such as "discharge", for single simulations.
+    """A scene of mfopt for single simulations: dosing, discharge, heap or silo.
+
+    Bounds of a search do not limit the settings.
 
     Args:
         name: of the scene.
@@ -144,4 +165,19 @@ def load_scene(name: str, **settings: Any) -> LoadedScene:
     Raises:
         ConfigError: if there is no such scene, or a setting is wrong.
     """
-    return LoadedScene(read_scene(scene_class(name), settings, {}, "load_scene"))
+    scene = read_scene(scene_class(name), settings, {}, "load_scene")
+    if isinstance(scene.settings, Vessel) and "free" not in settings:
+        scene = read_scene(type(scene), settings | _around(scene.settings), {}, "load_scene")
+    scene.problem()  # refuses what cannot be built
+    return LoadedScene(scene)
+
+
+def _around(vessel: Vessel) -> dict[str, Any]:
+    """The usual bounds, widened to the values of the settings."""
+    values = vessel.values()
+    return {
+        "free": {
+            name: (min(low, values[name]), max(high, values[name]))
+            for name, (low, high) in vessel.free.items()
+        }
+    }

@@ -55,6 +55,23 @@ def test_a_design_changes_the_run(run: SceneRun) -> None:
     assert steep.quantities["mass left"] < run.quantities["mass left"]
 
 
+def test_no_bounds_of_a_search_limit_a_single_run() -> None:
+    wide = mfopt.load_scene("discharge", opening_mm=100)
+    assert "opening = 100 mm" in repr(wide)
+
+
+def test_what_cannot_be_built_is_refused_when_it_is_loaded() -> None:
+    with pytest.raises(ConfigError, match=r"opening = 0\.15 m .* narrow the outlet"):
+        mfopt.load_scene("discharge", opening_mm=150)
+
+
+def test_a_scene_without_quantities_over_time_says_so() -> None:
+    silo = mfopt.load_scene("silo").run(grains=60, spheres_per_grain=1)
+    for ask in (silo.plot, silo.frame):
+        with pytest.raises(ConfigError, match="silo has no quantities over time"):
+            ask()
+
+
 def test_dosing_has_its_passage_curve() -> None:
     its = mfopt.load_scene("dosing").run(grains=60, spheres_per_grain=1)
     times, share = its.series["share passed"]
@@ -83,3 +100,7 @@ def test_every_run_of_a_search_is_a_row_of_a_frame() -> None:
     assert len(frame) == len(best.evaluations)
     assert list(frame.columns) == ["a", "level", "seed", "f", "status"]
     assert frame["f"].min() == best.best_run.objective
+
+
+def test_a_notebook_completes_the_public_names() -> None:
+    assert set(mfopt.__all__) <= set(dir(mfopt))
