@@ -7,14 +7,15 @@ from typing import Annotated
 import typer
 
 from mfopt.commands.shared import FromRun, StudyFile, ValuesGiven, chosen_design
-from mfopt.records.objective import judged
+from mfopt.records.objective import Criteria, judged
+from mfopt.records.outcome import Outcome
 from mfopt.study.assemble import assemble, traced
 from mfopt.study.file import read_study
 
 
 def evaluate(
     study_file: StudyFile,
-    level: Annotated[str | None, typer.Option(help="level; the top one if left out")] = None,
+    level: Annotated[str | None, typer.Option(help="level; the target if left out")] = None,
     seed: Annotated[int, typer.Option(help="seed of the simulation", min=0)] = 1,
     settings: ValuesGiven = None,
     best_of: FromRun = None,
@@ -22,7 +23,10 @@ def evaluate(
         Path | None, typer.Option(help="directory for VTK files of the grains (YADE)")
     ] = None,
 ) -> None:
-    """Run one design once on one level and print what came out, as JSON."""
+    """Run one design once on one level and print what came out, as JSON.
+
+    Quantities carry their units; terms, objective and raw are in SI units.
+    """
     study, _ = read_study(study_file)
     parts = assemble(study, where=str(study_file))
     x = chosen_design(parts.problem, settings or [], best_of)
@@ -44,6 +48,7 @@ def evaluate(
         "why": outcome.why,
         "terms": terms,
         "objective": sum(terms.values()) if terms else None,
+        "quantities": _shown(parts.criteria, outcome),
         "raw": {name: float(a) for name, a in outcome.raw.items() if a.ndim == 0},
         "work": outcome.work,
         "cpu_s": outcome.cpu_s,
@@ -51,3 +56,10 @@ def evaluate(
     typer.echo(json.dumps(answer, indent=2))
     if not outcome.finished:
         raise typer.Exit(1)
+
+
+def _shown(criteria: Criteria, outcome: Outcome) -> dict[str, float]:
+    """What an engineer asks of the run, by name and unit."""
+    found = criteria.quantities_of(outcome)
+    units = {its.name: its.shown for its in criteria.quantities}
+    return {f"{name} [{units[name][1]}]": units[name][0] * it for name, it in found.items()}

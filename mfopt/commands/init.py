@@ -9,14 +9,16 @@ import typer
 
 from mfopt.commands.shared import screen
 from mfopt.errors import ConfigError
-from mfopt.study.assemble import scene_class
+from mfopt.study.assemble import SCENES, scene_class
 
 DEFAULT = "dosing"
 
 
 def init(
     path: Annotated[Path, typer.Argument(help="file to write")] = Path("study.toml"),
-    scene: Annotated[str, typer.Option(help="kind of machine or test")] = DEFAULT,
+    scene: Annotated[
+        str, typer.Option(help=f"kind of machine or test: {', '.join(SCENES)}")
+    ] = DEFAULT,
 ) -> None:
     """Write a commented study file to start from."""
     if path.exists():

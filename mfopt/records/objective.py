@@ -59,6 +59,7 @@ class Criteria:
     beside: str | None = None  # name of the quantity that pages show beside the objective
     series: tuple[Series, ...] = ()
     settings: Mapping[str, Any] = field(default_factory=dict)  # what the study chose, for JSON
+    needs: Mapping[str, str] = field(default_factory=dict)  # missing key, of absent objectives
 
     def objective(self, name: str) -> Objective:
         """The objective of that name.
@@ -66,6 +67,8 @@ class Criteria:
         Raises:
             ConfigError: if there is none.
         """
+        if name in self.needs:
+            raise ConfigError(f"objective {name!r} needs {self.needs[name]}; give it in [problem]")
         if name not in self.objectives:
             raise ConfigError(
                 f"unknown objective {name!r}; choose from {', '.join(self.objectives)}"

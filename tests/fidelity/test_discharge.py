@@ -12,6 +12,7 @@ from fidelity.engines.bullet.engine import BulletEngine
 from fidelity.engines.numba import NumbaEngine
 from fidelity.grains.filling import filled
 from fidelity.grains.portion import largest_overlap, sphere_centres
+from fidelity.scenes.discharge import objectives
 from fidelity.scenes.discharge.run import (
     Discharge,
     DischargeSettings,
@@ -217,3 +218,10 @@ def test_grains_start_above_the_bar_and_none_ends_in_it() -> None:
 def test_a_bar_that_does_not_fit_is_refused(bar: float, height: float) -> None:
     with pytest.raises(ConfigError, match="bar"):
         check_discharge(replace(SLOT, bar=bar, bar_height=height))
+
+
+def test_an_error_of_the_flow_needs_the_wanted_flow() -> None:
+    with pytest.raises(ConfigError, match="'flow_error' needs mass_flow_rate_kg_s"):
+        objectives.criteria(objectives.Wanted()).objective("flow_error")
+    wanted = objectives.Wanted(mass_flow_rate_kg_s=0.3)
+    assert objectives.criteria(wanted).objective("flow_error").name == "flow_error"

@@ -1,6 +1,7 @@
 """The examples and what the README shows, run as they stand."""
 
 import json
+import math
 import re
 import shutil
 import subprocess
@@ -100,3 +101,9 @@ def test_evaluate_traces_a_run_without_changing_it(tmp_path: Path) -> None:
     traced = json.loads(mfopt("evaluate", study, "--trace", tmp_path / "trace"))
     assert traced["objective"] == plain["objective"]
     assert len(list((tmp_path / "trace").glob("*.vt*"))) > 10
+
+
+def test_evaluate_gives_the_quantities_of_an_engineer_with_their_units() -> None:
+    answer = json.loads(mfopt("evaluate", "examples/heap.toml"))
+    angle = answer["quantities"]["angle of repose [°]"]
+    assert angle == pytest.approx(math.degrees(answer["raw"]["angle"]))

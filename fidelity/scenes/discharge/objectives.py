@@ -47,6 +47,7 @@ def criteria(wanted: Wanted) -> Criteria:
             Series("level right", "m", _sampled("level_right"), (1e3, "mm")),
         ),
         wanted.model_dump(mode="json"),
+        {} if "flow_error" in objectives else {"flow_error": "mass_flow_rate_kg_s"},
     )
 
 
