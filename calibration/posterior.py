@@ -8,10 +8,9 @@ Source: Skilling 2006, doi:10.1214/06-BA127; Speagle 2020, doi:10.1093/mnras/sta
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from scipy.stats import truncnorm, uniform
+from scipy.stats import truncnorm
 
 from calibration.recordings.case import Parameter
 from mfopt.arrays import Array, frozen
@@ -58,20 +57,20 @@ def from_unit(parameters: Sequence[Parameter], z: Array) -> Array:
 
 def prior_transform(parameters: Sequence[Parameter]) -> Callable[[Array], Array]:
     """From equally likely points of the cube (d,) to draws of the prior in the unit cube (d,)."""
-    priors = [_prior(p) for p in parameters]
+    normal = {}
+    for i, p in enumerate(parameters):
+        if p.mean is not None and p.sd is not None:
+            width = p.high - p.low
+            mean, sd = (p.mean - p.low) / width, p.sd / width
+            normal[i] = truncnorm(-mean / sd, (1.0 - mean) / sd, loc=mean, scale=sd)
 
     def transform(u: Array) -> Array:
-        return np.array([prior.ppf(v) for prior, v in zip(priors, u, strict=True)])
+        z = np.array(u)  # uniform priors change nothing
+        for i, prior in normal.items():
+            z[i] = prior.ppf(u[i])
+        return z
 
     return transform
-
-
-def _prior(its: Parameter) -> Any:  # a frozen distribution of scipy
-    if its.mean is None or its.sd is None:
-        return uniform()
-    width = its.high - its.low
-    mean, sd = (its.mean - its.low) / width, its.sd / width
-    return truncnorm(-mean / sd, (1.0 - mean) / sd, loc=mean, scale=sd)
 
 
 def _ranges(parameters: Sequence[Parameter]) -> tuple[Array, Array]:
