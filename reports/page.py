@@ -1,21 +1,21 @@
 """The contents of a report page, computed once for HTML and PDF."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from mfopt.arrays import AnyArray, Array
+from mfopt.arrays import Array
 from mfopt.campaign.store import RunDirectory
 from mfopt.records.view import Describe, DesignView
-from reports import campaign, charts, course_chart, pictures, reference, tables, viewer
+from reports import campaign, pictures, reference, tables, viewer
 from reports.course import changes
 from reports.facts import Facts, gather
+from reports.figures import Shown, figures
 from reports.needs import SIMPLE, Need, needs
 from reports.plain import plain
 from reports.result import best_at, solutions, typical_first
-from reports.rows import Row
 from reports.sentence import chosen, sentence, state
 from reports.units import MISSING, display, number
 
@@ -43,8 +43,7 @@ def context(run: RunDirectory, describe: Describe) -> dict[str, Any]:
         "name": facts.name,
         "work_head": _work_head(facts),
         "unit": facts.shown.unit,
-        "result": found and {"confirmed": bool(found.confirmations)},
-        "assisted": _assisted(facts),
+        "result": found is not None,
         "has_course": facts.course is not None,
         "chosen": found
         and chosen(
@@ -59,7 +58,7 @@ def context(run: RunDirectory, describe: Describe) -> dict[str, Any]:
         "designs": [(v.label, picture) for v, picture in zip(views, shapes, strict=True)],
         "scene": viewer.scene(views) if views else None,
         **_tables(facts),
-        **_figures(facts, best, baseline),
+        "figures": figures(Shown(facts, best, baseline)),
     }
 
 
@@ -95,17 +94,10 @@ def _cell(line: Need, design: str) -> tuple[str, str, str]:
     return line.text(line.spreads[design].median), line.range(design), line.fault(design)
 
 
-def _assisted(facts: Facts) -> bool:
-    """Whether a surrogate chose the designs that were run."""
-    return facts.header.get("method") == "assisted"
-
-
 def _shown(best: DesignView) -> dict[str, Any]:
     return {
         "notes": list(best.notes),
-        "has_points": bool(best.motion_points),
         "mover": best.mover,
-        "counted_at": best.counted_at,
         "bound_note": best.bound_note,
     }
 
@@ -147,8 +139,7 @@ def _tables(facts: Facts) -> dict[str, Any]:
         "work": tables.work(facts.stages),
         "failures": campaign.failures(facts.rows),
         "belief": tables.belief_lines(found, facts.shown) if found else [],
-        "changes": (its_changes := changes(facts.run.generations)),
-        "has_restarts": any(mark not in levels for mark, _, _ in its_changes),
+        "changes": changes(facts.run.generations),
         "seeds": sorted({r.seed for r in facts.rows if r.purpose == "search"}),
         "asked": [tables.label_of(q) for q in asked],
         "fresh_seeds": sorted({r.seed for r in facts.rows if r.purpose != "search"}),
@@ -168,41 +159,6 @@ def _reference(facts: Facts) -> dict[str, Any] | None:
         if any(runs.pairs.values())
         else [],
     }
-
-
-def _figures(
-    facts: Facts, best: DesignView | None, baseline: DesignView | None
-) -> dict[str, str | None]:
-    made: dict[str, str | None] = dict.fromkeys(("progress", "motion", "passages", "snapshots"))
-    if facts.course is not None:
-        confirmed = None if facts.result is None else facts.result.objective
-        made["progress"] = course_chart.course(facts.course, facts.shown, facts.name, confirmed)
-    elif any(np.isfinite(s.best) for s in facts.steps):
-        bound = best.bound_any if best else None  # it holds for every design
-        made["progress"] = charts.progress(
-            facts.steps, facts.shown, facts.name, facts.beside, bound
-        )
-    if best is not None and len(best.motion_times):
-        made["motion"] = charts.motion(best, baseline)
-    if facts.result is not None:
-        times = _passage_times(facts, facts.result.confirmations or (facts.result.found,))
-        if times:
-            clock = "the start of the run" if best is None else best.clock
-            baseline_times = _passage_times(facts, facts.result.baseline)
-            made["passages"] = charts.passages(times, baseline_times, clock)
-        if best is not None:
-            made["snapshots"] = pictures.snapshots(_raw(facts, facts.result.typical), best)
-    return made
-
-
-def _raw(facts: Facts, row: Row) -> Mapping[str, AnyArray]:
-    evaluation = facts.run.evaluation(row.index)
-    return {} if evaluation is None else evaluation.outcome.raw
-
-
-def _passage_times(facts: Facts, rows: Sequence[Row]) -> list[Array]:
-    found = [_raw(facts, r).get("passage_times", np.empty(0)) for r in rows if r.finished]
-    return [times for times in found if times.size and np.isfinite(charts.drawable(times)).all()]
 
 
 def designs(facts: Facts, describe: Describe) -> list[DesignView]:
