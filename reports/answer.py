@@ -95,7 +95,7 @@ def _need(line: Need) -> dict[str, Any]:
         }
         for design, spread in line.spreads.items()
     }
-    return {"unit": line.unit, "limit": line.limit, **of}
+    return {"unit": line.unit, "limit": line.limit, "wanted": line.wanted, **of}
 
 
 def _reference(facts: Facts) -> dict[str, Any]:

@@ -114,7 +114,8 @@ def stages(
         span = _span(first.number, group[-1].number)
         runs = [r for r in search if r.generation in numbers]
         own = [r for r in runs if r.level == first.level]
-        purpose = f"search by {first.objective.replace('_', ' ')}"
+        named = "" if first.objective == "returned" else f" by {first.objective.replace('_', ' ')}"
+        purpose = f"search{named}"
         made.append(_stage(first.level, purpose, span, first.population_size, own, unit))
         for level in dict.fromkeys(r.level for r in runs if r.level != first.level):
             looks = [r for r in runs if r.level == level]

@@ -38,6 +38,7 @@ class Need:
     unit: str  # of the numbers, SI; "-" for a share
     shown: Display
     limit: float | None  # that the study sets
+    wanted: float | None  # value that the study asks for
     lower_is_better: bool
     spreads: Mapping[str, Spread]  # by design; "best" and "baseline" first
 
@@ -47,8 +48,10 @@ class Need:
         return f"{self.name} [{self.shown.unit}]"
 
     @property
-    def most(self) -> str:
-        """The limit in words; empty without one."""
+    def asked(self) -> str:
+        """The limit or the wanted value in words; empty without one."""
+        if self.wanted is not None:
+            return f"wanted {self.text(self.wanted)}"
         return "" if self.limit is None else f"at most {self.text(self.limit)}"
 
     def text(self, value: float) -> str:
@@ -80,7 +83,7 @@ class Need:
 
     def sentence(self) -> str:
         """The quantity of all designs in one line."""
-        said = list(filter(None, [self.most]))
+        said = list(filter(None, [self.asked]))
         for design, spread in self.spreads.items():
             extra = ", ".join(filter(None, (self.range(design), self.fault(design).upper())))
             said.append(f"{design} {self.text(spread.median)}" + (f" ({extra})" if extra else ""))
@@ -109,6 +112,7 @@ def needs(
             q.unit,
             Display(*q.shown),
             q.limit,
+            q.wanted,
             q.lower_is_better,
             _spreads(runs, q.name, q.limit),
         )

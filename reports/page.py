@@ -82,7 +82,7 @@ def needed(facts: Facts) -> dict[str, Any] | None:
         "caption": f"{over}{rivals}, with the range of the runs." if seeds else one,
         "designs": designs,
         "lines": [
-            (line.label, line.most, [_cell(line, design) for design in designs]) for line in lines
+            (line.label, line.asked, [_cell(line, design) for design in designs]) for line in lines
         ],
     }
 

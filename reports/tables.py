@@ -8,7 +8,7 @@ import numpy as np
 
 from mfopt.arrays import Array
 from mfopt.records.objective import Quantity
-from reports.campaign import Stage
+from reports.campaign import Stage, hours
 from reports.result import Result
 from reports.rows import Row
 from reports.sentence import at_bounds, interval_text, objective_name
@@ -177,7 +177,7 @@ def work(stages: Sequence[Stage]) -> list[list[str]]:
     return [
         [
             s.level, s.purpose, s.generations or MISSING, _whole(s.population_size), str(s.runs),
-            str(s.failed), _mean_and_spread(s), number(s.cpu_s / 3600.0, 3), number(s.work, 3),
+            str(s.failed), _mean_and_spread(s), hours(s.cpu_s), number(s.work, 3),
         ]
         for s in stages
     ]  # fmt: skip

@@ -38,6 +38,7 @@ class Quantity:
     shown: tuple[float, str]  # factor and unit in tables, such as (1e3, "ms")
     limit: float | None = None  # that the study sets: at most this
     lower_is_better: bool = True  # False: neither way is worse in itself
+    wanted: float | None = None  # value that the study asks for
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -112,3 +112,8 @@ def test_search_confirmation_and_reference_are_told_apart() -> None:
 
 def test_every_purpose_has_a_phase() -> None:
     assert {p.split()[0] for p in get_args(Purpose)} == PHASES.keys()
+
+
+def test_a_search_for_what_a_program_returns_is_just_a_search() -> None:
+    own = generation(1, objective="returned")
+    assert stages([own], [row(1, 1.0)], 1.0)[0].purpose == "search"

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from fidelity.scenes.discharge import objectives as discharge
 from fidelity.scenes.dosing.objectives import Weights, criteria
 from mfopt.records.evaluation import Purpose
 from mfopt.records.objective import Quantity
@@ -104,3 +105,11 @@ def test_runs_of_another_kind_have_no_such_table() -> None:
     ]
     assert table(rows) == {}
     assert needs([], None, LIMITED) == ()
+
+
+def test_the_wanted_value_stands_beside_the_quantity() -> None:
+    flow = discharge.criteria(discharge.Wanted(mass_flow_rate_kg_s=0.45)).quantities
+    given = {"mass flow rate": 0.341, "discharge time": 0.8, "mass left": 0.0}
+    line = table([row("confirm best", BEST, 0.2, quantities=given)], flow)["mass flow rate"]
+    assert line.asked == "wanted 450"
+    assert line.sentence() == "wanted 450, best 341"

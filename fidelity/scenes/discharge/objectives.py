@@ -35,7 +35,14 @@ def criteria(wanted: Wanted) -> Criteria:
     return Criteria(
         objectives,
         (
-            Quantity("mass flow rate", "kg/s", mass_flow_rate, (1e3, "g/s"), lower_is_better=False),
+            Quantity(
+                "mass flow rate",
+                "kg/s",
+                mass_flow_rate,
+                (1e3, "g/s"),
+                lower_is_better=False,
+                wanted=wanted.mass_flow_rate_kg_s,
+            ),
             Quantity("discharge time", "s", discharge_time, (1e3, "ms")),
             Quantity("mass left", "-", mass_left, (1e2, "%")),
         ),

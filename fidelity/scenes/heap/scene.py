@@ -112,7 +112,12 @@ class Heap(VesselScene):
             {"angle_error": error},
             (
                 Quantity(
-                    "angle of repose", "rad", _angle, (180.0 / math.pi, "°"), lower_is_better=False
+                    "angle of repose",
+                    "rad",
+                    _angle,
+                    (180.0 / math.pi, "°"),
+                    lower_is_better=False,
+                    wanted=wanted,
                 ),
                 Quantity("radius of the heap", "m", _radius, (1e3, "mm"), lower_is_better=False),
             ),
