@@ -20,6 +20,7 @@ from reports.sentence import chosen, sentence, state
 from reports.units import MISSING, display, number
 
 ORIGIN = ("study", "mfopt_version", "platform", "created", "workers", "seed")  # of the header
+AFTER = ("confirm", "reference")  # purposes of runs on seeds that no run before them had
 DESIGNS = 6  # shapes shown at most: two rows of a page
 
 
@@ -137,12 +138,13 @@ def _tables(facts: Facts) -> dict[str, Any]:
         "reference": _reference(facts),
         "solutions": tables.best_solutions(header, best, facts.shown, asked) if best else [],
         "work": tables.work(facts.stages),
+        "assisted": facts.header.get("method") == "assisted",  # the search has a budget
         "failures": campaign.failures(facts.rows),
         "belief": tables.belief_lines(found, facts.shown) if found else [],
         "changes": changes(facts.run.generations),
-        "seeds": sorted({r.seed for r in facts.rows if r.purpose == "search"}),
+        "seeds": sorted({r.seed for r in facts.rows if not r.purpose.startswith(AFTER)}),
         "asked": [tables.label_of(q) for q in asked],
-        "fresh_seeds": sorted({r.seed for r in facts.rows if r.purpose != "search"}),
+        "fresh_seeds": sorted({r.seed for r in facts.rows if r.purpose.startswith(AFTER)}),
     }
 
 

@@ -1,5 +1,6 @@
 """A Python function as a level."""
 
+import inspect
 import numbers
 import signal
 import threading
@@ -42,6 +43,11 @@ class FunctionLevel:
                 f"level {self.name!r} = {shown(self.function)} cannot be called; "
                 "give a function(x, seed) that returns a number"
             )
+        if (why := _refuses_two(self.function)) is not None:
+            raise ConfigError(
+                f"level {self.name!r} cannot be called with x and seed: {why}; "
+                "give a function(x, seed) that returns a number"
+            )
         number(f"{self.name!r}: work_per_run", self.work_per_run, SMALLEST_WORK, LARGEST_WORK)
 
     def work(self, x: Array) -> float:
@@ -65,6 +71,19 @@ class FunctionLevel:
             status, why = "crashed", explained(error)
         cpu_s = process_time() - began
         return Outcome(x, self.name, seed, status, why, raw, self.work_per_run, cpu_s)
+
+
+def _refuses_two(function: Simulator) -> str | None:
+    """Why a function cannot be called with two values; None if it can, or does not say."""
+    try:
+        taken = inspect.signature(function)
+    except (TypeError, ValueError):  # of functions in C
+        return None
+    try:
+        taken.bind(None, 1)
+    except TypeError as error:
+        return str(error)
+    return None
 
 
 class _NoNumber(Exception):

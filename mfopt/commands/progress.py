@@ -61,6 +61,7 @@ class ProgressDisplay:
         )
         self._spent = self._simulators_cpu_s = 0.0
         self._best: dict[str, float] = {}
+        self._insight: Insight | None = None  # the latest; confirmation runs bring none
         self._phases: set[str] = set()
         columns = (TextColumn("{task.description}", markup=False), BarColumn(BAR),
                    TimeElapsedColumn())  # fmt: skip
@@ -130,8 +131,9 @@ class ProgressDisplay:
         level = progress.evaluation.candidate.level
         best = min(self._best.get(level, math.inf), progress.evaluation.objective)
         self._best[level] = best
-        if progress.insight is not None:
-            return _estimate(progress.insight, self._unit)
+        self._insight = progress.insight or self._insight
+        if self._insight is not None:
+            return _estimate(self._insight, self._unit)
         return f"best {best:.4g}{self._unit}" if math.isfinite(best) else "no run finished yet"
 
     def cpu(self) -> tuple[float, float]:

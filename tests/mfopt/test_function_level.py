@@ -115,3 +115,16 @@ def test_wrong_levels_are_named() -> None:
         FunctionLevel("f", lambda x, seed: 0.0, 0.0)
     with pytest.raises(ConfigError, match="name of a level"):
         FunctionLevel("", lambda x, seed: 0.0)
+
+
+@pytest.mark.parametrize("function", [lambda x: 0.0, lambda x, seed, more: 0.0, lambda: 0.0])
+def test_a_function_of_another_number_of_arguments_is_refused_at_once(function: Any) -> None:
+    with pytest.raises(
+        ConfigError, match=r"'f' cannot be called with x and seed: .*function\(x, s"
+    ):
+        FunctionLevel("f", function)
+
+
+def test_further_arguments_may_have_defaults() -> None:
+    level = FunctionLevel("f", lambda x, seed, scale=2.0: scale)  # type: ignore[misc]
+    assert level.evaluate(X, seed=1).raw["f"] == 2.0

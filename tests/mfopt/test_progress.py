@@ -19,7 +19,7 @@ WORK = {"fine": 10.0, "fine-yade": 300.0}
 def shown(
     *runs: tuple[str, int, Purpose],
     left: int = 0,
-    insight: Insight | None = None,
+    insight: Insight | None = None,  # after each run of the search
     unit: str = "s",
     terminal: bool = False,
     **given: Any,
@@ -34,7 +34,8 @@ def shown(
             outcome = Outcome(x, level, 1, "finished")
             candidate = Candidate(0, x, level, 1, generation, purpose)
             its = Evaluation(candidate, outcome, 0.5)
-            display.watch(Progress(its, [("fine", left)], replayed=False, insight=insight))
+            now = insight if purpose == "search" else None
+            display.watch(Progress(its, [("fine", left)], replayed=False, insight=now))
     assert isinstance(console.file, io.StringIO)
     return [line for line in console.file.getvalue().splitlines() if line]
 
@@ -107,3 +108,10 @@ def test_what_matters_least_is_left_out_first() -> None:
     assert fitted(parts, 60) == "generation 3 on fine  best 0.4 s  about 8 min to go"
     assert fitted(parts, 40) == "generation 3 on fine  about 8 min to go"
     assert fitted(parts, 25) == "gener\u2026  about 8 min to go"
+
+
+def test_after_the_search_its_estimate_is_shown_on() -> None:
+    its = Insight(3, 1.0, 4, "fine", (0.0,), mean=0.07, deviation=0.001)
+    lines = shown(("fine", 1, "search"), ("fine", 0, "confirm best"), insight=its)
+    assert all("best 0.07 (0.068 to 0.072)" in line for line in lines)
+    assert len(lines) == 2

@@ -3,6 +3,7 @@
 import itertools
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from html import unescape
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import pytest
 
 from mfopt.arrays import Array
 from mfopt.campaign.store import RunDirectory
-from mfopt.records.evaluation import Reference
+from mfopt.records.evaluation import Evaluation, Reference
 from reports import DesignView, write_report
 
 Machine = Callable[[Array], DesignView]
@@ -168,3 +169,15 @@ def test_an_own_problem_has_no_spheres_and_the_objective_is_named_once(
     text = words(tmp_path / "r.html")
     assert "work [sphere-steps]" in text
     assert "objective, objective" not in text
+
+
+def test_the_check_before_the_search_is_no_run_on_a_fresh_seed(
+    make_run: Callable[..., RunDirectory], machine: Machine, tmp_path: Path
+) -> None:
+    run, html = make_run(generations=3, finished=False), tmp_path / "r.html"
+    *_, last = run.evaluations()
+    index = last.candidate.index + 1
+    check = replace(last.candidate, index=index, purpose="check", generation=0)
+    run.add_evaluation(Evaluation(check, last.outcome, last.objective))
+    write_report(run, describe=machine, html=html)
+    assert "<dt>fresh seeds</dt>" not in html.read_text(encoding="utf-8")
