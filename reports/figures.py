@@ -94,7 +94,7 @@ def course(shown: Shown) -> Figure | None:
         "The search over the work that it spent. From above: the estimated objective of the "
         "recommended design; the level of each run, including validations at the next level; the "
         "certainty of each generation's ranking; and the number of runs of each generation"
-        + predicted * (facts.header.get("method") == "assisted")
+        + predicted * assisted(facts)
         + ". Shaded areas are the levels; values of different levels do not compare exactly."
         + _restarts(facts),
     )
@@ -144,6 +144,11 @@ PLACES: Mapping[str, tuple[Callable[[Shown], Figure | None], ...]] = {
     "search": (course, generations),
     "after_search": (snapshots,),
 }
+
+
+def assisted(facts: Facts) -> bool:
+    """Whether a surrogate chose the designs that were run."""
+    return facts.header.get("method") == "assisted"
 
 
 def _restarts(facts: Facts) -> str:

@@ -12,7 +12,7 @@ from mfopt.records.view import Describe, DesignView
 from reports import campaign, pictures, reference, tables, viewer
 from reports.course import changes
 from reports.facts import Facts, gather
-from reports.figures import Shown, figures
+from reports.figures import Shown, assisted, figures
 from reports.needs import SIMPLE, Need, needs
 from reports.plain import plain
 from reports.result import best_at, solutions, typical_first
@@ -45,6 +45,7 @@ def context(run: RunDirectory, describe: Describe) -> dict[str, Any]:
         "work_head": _work_head(facts),
         "unit": facts.shown.unit,
         "result": found is not None,
+        "assisted": assisted(facts),
         "has_course": facts.course is not None,
         "chosen": found
         and chosen(
