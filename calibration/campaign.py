@@ -6,7 +6,7 @@ itself: under the conditions of the fitted recordings to verify the emulators, u
 others to predict them.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -124,7 +124,7 @@ def fit(
     """Emulators, likelihood and posterior from the runs made so far."""
     observations, emulators = [], []
     for recording in case.fitted:
-        its = _finished(made, recording.name)
+        its = _finished(made, recording)
         seen = observed(recording, case.measurement, noises, _end(its))
         rows = np.array([seen.row(e.outcome.raw) for e in its])
         z = to_unit(case.parameters, np.array([e.candidate.x for e in its]))
@@ -138,21 +138,30 @@ def fit(
     return Fitted(tuple(observations), tuple(emulators), posterior, misfit, freedom)
 
 
-def _finished(made: Sequence[Evaluation], name: str) -> list[Evaluation]:
-    """The finished runs under the conditions of a recording.
+def _finished(made: Sequence[Evaluation], recording: Recording) -> list[Evaluation]:
+    """The finished runs under the conditions of a recording, with values of all its channels.
 
     Raises:
         SimulationError: if most failed; with the last reason.
     """
-    all_of_it = [e for e in made if e.candidate.level == name]
-    its = [e for e in all_of_it if e.outcome.finished]
+    all_of_it = [e for e in made if e.candidate.level == recording.name]
+    flaws = [_flaw(e, recording.channels) for e in all_of_it]
+    its = [e for e, flaw in zip(all_of_it, flaws, strict=True) if flaw is None]
     if len(its) < MOST_FAILED * len(all_of_it):
-        why = next(e.outcome.why for e in reversed(all_of_it) if not e.outcome.finished)
+        why = next(flaw for flaw in reversed(flaws) if flaw is not None)
         raise SimulationError(
-            f"recording {name!r}: {len(all_of_it) - len(its)} of {len(all_of_it)} runs failed, the "
-            f"last because {why}"
+            f"recording {recording.name!r}: {len(all_of_it) - len(its)} of {len(all_of_it)} runs "
+            f"failed, the last because {why}"
         )
     return its
+
+
+def _flaw(its: Evaluation, channels: Iterable[str]) -> str | None:
+    """Why a run cannot be compared with a recording of these channels, or None."""
+    if not its.outcome.finished:
+        return its.outcome.why
+    lacking = [channel for channel in channels if channel not in its.outcome.raw]
+    return f"it gives no {lacking[0]}" if lacking else None
 
 
 def _end(made: Sequence[Evaluation]) -> float:
@@ -220,7 +229,7 @@ def _candidates(
 def _predicted(
     case: Case, recording: Recording, noises: Mapping[str, Noise], last: Sequence[Evaluation]
 ) -> Predicted:
-    its = _finished(last, recording.name)
+    its = _finished(last, recording)
     seen = observed(recording, case.measurement, noises, _end(its))
     rows = np.array([seen.row(e.outcome.raw) for e in its])
     x = np.array([e.candidate.x for e in its])

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -85,19 +86,23 @@ def changes(generations: Sequence[Generation]) -> list[tuple[str, int, str]]:
             reason = g.why.removeprefix(f"{LEVEL_CHANGE}{g.level}").lstrip(":, ")
             if reason:
                 made.append((g.level, g.number, reason))
-        elif before is not None and g.why:
+        elif before is not None and is_restart(before, g):
             restarts += 1
             made.append((f"R{restarts}", g.number, g.why))
     return made
 
 
+def is_restart(before: Generation, its: Generation) -> bool:
+    """Whether a generation restarts the search within the level of the one before."""
+    return its.level == before.level and bool(its.why)
+
+
 def restart_places(history: Course) -> list[float]:
     """Work at each restart within a level [full runs]."""
-    numbers = {
-        number for mark, number, _ in changes([look.generation for look in history.looks])
-        if mark not in history.levels
-    }  # fmt: skip
-    return [look.began for look in history.looks if look.generation.number in numbers]
+    return [
+        look.began for before, look in pairwise(history.looks)
+        if is_restart(before.generation, look.generation)
+    ]  # fmt: skip
 
 
 def ranking(history: Course) -> Mapping[str, Array]:

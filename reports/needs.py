@@ -27,6 +27,7 @@ class Spread:
     high: float
     runs: int
     failed: int  # runs besides these
+    without: int  # finished runs besides these, which give no value
     over: int  # of the runs, those above the limit
 
 
@@ -69,7 +70,10 @@ class Need:
         spread, base = self.spreads[design], self.spreads.get("baseline")
         said = []
         if spread.failed:
-            said.append(f"{spread.failed} of {spread.runs + spread.failed} runs failed")
+            made = spread.runs + spread.failed + spread.without
+            said.append(f"{spread.failed} of {made} runs failed")
+        if spread.without:
+            said.append(f"no value in {spread.without} of {spread.runs + spread.without} runs")
         if spread.over:
             said.append(f"above the limit in {spread.over} of {spread.runs} runs")
         if base and self._worse(spread.median, base.median):
@@ -141,8 +145,8 @@ def _spreads(
         values = [value for value in given if math.isfinite(value)]
         if values:
             over = 0 if limit is None else sum(value > limit for value in values)
-            failed = len(own) - len(values)
+            failed, without = len(own) - len(given), len(given) - len(values)
             made[design] = Spread(
-                median(values), min(values), max(values), len(values), failed, over
+                median(values), min(values), max(values), len(values), failed, without, over
             )
     return made

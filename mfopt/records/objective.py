@@ -34,7 +34,7 @@ class Quantity:
 
     name: str
     unit: str  # SI; "-" for a share
-    read: Callable[[Raw], float]
+    read: Callable[[Raw], float]  # nan where the run gives no value
     shown: tuple[float, str]  # factor and unit in tables, such as (1e3, "ms")
     limit: float | None = None  # that the study sets: at most this
     lower_is_better: bool = True  # False: neither way is worse in itself
@@ -77,13 +77,17 @@ class Criteria:
         return self.objectives[name]
 
     def quantities_of(self, outcome: Outcome) -> dict[str, float]:
-        """The quantities of a run; none of a run that failed, or does not give them."""
+        """The quantities of a run; none of a run that failed, or does not give them.
+
+        A quantity without a value (nan) is left out.
+        """
         if not outcome.finished:
             return {}
         try:
-            return {its.name: float(its.read(outcome.raw)) for its in self.quantities}
+            read = {its.name: float(its.read(outcome.raw)) for its in self.quantities}
         except (KeyError, TypeError, ValueError, ArithmeticError):
             return {}
+        return {name: value for name, value in read.items() if not math.isnan(value)}
 
 
 def returned(raw: Raw) -> dict[str, float]:

@@ -146,9 +146,12 @@ class SceneRun:
 
     def __repr__(self) -> str:
         lines = [f"run of {self.name}, seed {self.outcome.seed}, level {self.outcome.level}"]
+        quantities = self.quantities
         for q in self.criteria.quantities:
             factor, unit = q.shown
-            lines.append(f"{q.name}: {q.read(self.outcome.raw) * factor:.4g} {unit}")
+            value = quantities.get(q.name)
+            said = "no value" if value is None else f"{value * factor:.4g} {unit}"
+            lines.append(f"{q.name}: {said}")
         lines.append(f"{self.outcome.cpu_s:.1f} s of CPU")
         return "\n".join(lines)
 

@@ -128,12 +128,14 @@ def minimum(
 
 def why_nothing(evaluations: Sequence[Evaluation], target: str) -> str:
     """Why no run at the target finished, with the commonest reason."""
-    there = [e for e in evaluations if e.candidate.level == target] or evaluations
-    reasons = Counter(e.outcome.why for e in there if not e.outcome.finished)
+    there = [e for e in evaluations if e.candidate.level == target]
+    counted: Sequence[Evaluation] = there
+    said = f"no run at level {target!r} finished"
+    if not there:
+        said, counted = f"no run was made at level {target!r}", evaluations
+    reasons = Counter(e.outcome.why for e in counted if not e.outcome.finished)
     if not reasons:
-        return f"no run was made at level {target!r}; raise the budget"
+        return f"{said}; raise the budget"
     (why, count), *_ = reasons.most_common(1)
-    return (
-        f"no run at level {target!r} finished; {count} of {len(there)} failed with: "
-        f"{(why or '')[:LONGEST_REASON]}"
-    )
+    where = "" if there else " at other levels"
+    return f"{said}; {count} of {len(counted)}{where} failed with: {(why or '')[:LONGEST_REASON]}"

@@ -143,3 +143,17 @@ def test_too_few_runs_are_refused_with_the_least_number() -> None:
 def test_a_calibration_repeats_bit_for_bit(campaigns: list[Campaign], truths: list[Array]) -> None:
     again = campaign_of(case_of(truths[0], 1))
     assert np.array_equal(again.fitted.posterior.draws, campaigns[0].fitted.posterior.draws)
+
+
+def test_a_simulator_that_mostly_lacks_a_recorded_channel_is_named() -> None:
+    case = case_of(frozen([0.35, 0.03]), 1)
+
+    def silent(candidates: Sequence[Candidate]) -> list[Evaluation]:
+        return [
+            Evaluation(c, Outcome(c.x, c.level, c.seed, "finished", None, {}), 0.0)
+            for c in candidates
+        ]
+
+    noises = {"level": measurement_noise(case.recordings, "level", case.measurement.of("level"))}
+    with pytest.raises(SimulationError, match="it gives no level"):
+        calibrate(case, noises, silent, 100)

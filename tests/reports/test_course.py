@@ -11,7 +11,7 @@ from mfopt.campaign.store import RunDirectory
 from mfopt.records.evaluation import Generation
 from reports import course_chart, write_report
 from reports.answer import answer, found_in
-from reports.course import changes, course, ranking, restart_places
+from reports.course import Course, Look, changes, course, ranking, restart_places
 from reports.rows import read_rows
 from reports.units import display
 
@@ -50,6 +50,17 @@ def test_level_changes_and_restarts_are_given_with_their_reasons() -> None:
         ("R1", 2, "converged"), ("b", 3, "x and y"), ("c", 4, "from the start: z"),
         ("R2", 6, "exchanged"),
     ]  # fmt: skip
+
+
+def test_a_level_named_like_a_mark_hides_no_restart() -> None:
+    levels = [("R1", "start"), ("R1", "converged"), ("b", "level change to b: x"), ("b", "")]
+    looks = tuple(
+        Look(Generation(n, level, 0, 0.2, 4, "f", why), float(n), n + 1.0, None)
+        for n, (level, why) in enumerate(levels, start=1)
+    )
+    empty = np.empty(0)
+    history = Course(("R1", "b"), empty, empty.astype(int), empty.astype(bool), looks)
+    assert restart_places(history) == [2.0]
 
 
 def test_the_figure_names_what_it_shows(make_assisted: MakeRun) -> None:

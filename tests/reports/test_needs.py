@@ -113,3 +113,9 @@ def test_the_wanted_value_stands_beside_the_quantity() -> None:
     line = table([row("confirm best", BEST, 0.2, quantities=given)], flow)["mass flow rate"]
     assert line.asked == "wanted 450"
     assert line.sentence() == "wanted 450, best 341"
+
+
+def test_a_run_without_a_value_has_not_failed() -> None:
+    rows = confirmed([0.09, 0.07, 0.08], [0.1, 0.1, 0.1])
+    rows[0] = row("confirm best", BEST, 0.09, seed=0, quantities={"dispersion": 0.09})
+    assert table(rows)["filling time"].fault("best") == "no value in 1 of 3 runs"

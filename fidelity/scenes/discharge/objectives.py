@@ -12,6 +12,7 @@ from mfopt.records.objective import Criteria, Objective, Quantity, Raw, Series
 from mfopt.settings import Settings
 
 NO_FLOW = 1.0  # [-] error of a hopper from which nothing flows evenly
+MOST_LEFT = 0.5  # share of the mass; a hopper that keeps more was not discharged
 
 
 class Wanted(Settings):
@@ -76,10 +77,10 @@ def mass_flow_rate(raw: Raw) -> float:
 def discharge_time(raw: Raw) -> float:
     """Time [s] from the opening of the gate until the last grain passes that does.
 
-    The duration of the run if none passes.
+    No value (nan) for a hopper that keeps more than half of the mass.
     """
     times = raw["passage_times"]
-    return float(np.max(times)) if times.size else float(raw["duration"])
+    return float(np.max(times)) if times.size and mass_left(raw) <= MOST_LEFT else math.nan
 
 
 def mass_left(raw: Raw) -> float:
@@ -96,6 +97,10 @@ def _flow_error(wanted: Wanted, raw: Raw) -> dict[str, float]:
 
 
 def _discharge_time(wanted: Wanted, raw: Raw) -> dict[str, float]:
-    """Time until the last grain passes [s]; and the share left."""
-    left = wanted.mass_left_weight * mass_left(raw)
-    return {"discharge time": discharge_time(raw), "mass left": left}
+    """Time until the last grain passes [s]; and the share left.
+
+    A hopper that was not discharged has the duration of the run, so a blocked one gains nothing.
+    """
+    time, left = discharge_time(raw), wanted.mass_left_weight * mass_left(raw)
+    counted = time if math.isfinite(time) else float(raw["duration"])
+    return {"discharge time": counted, "mass left": left}
