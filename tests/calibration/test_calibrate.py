@@ -7,7 +7,8 @@ import pytest
 from toy_rig import SCATTER, TIMES, Tank, level_of
 
 from calibration.campaign import Campaign, calibrate, runs_of_each
-from calibration.likelihood import Parts
+from calibration.likelihood import EVERY_PART, Parts, likelihood, with_scores
+from calibration.posterior import to_unit
 from calibration.recordings.case import Case, Measurement, Parameter
 from calibration.recordings.noise import measurement_noise
 from calibration.recordings.records import Recording, Repeat, Series
@@ -157,3 +158,19 @@ def test_a_simulator_that_mostly_lacks_a_recorded_channel_is_named() -> None:
     noises = {"level": measurement_noise(case.recordings, "level", case.measurement.of("level"))}
     with pytest.raises(SimulationError, match="it gives no level"):
         calibrate(case, noises, silent, 100)
+
+
+def test_each_part_of_the_errors_lowers_the_certainty(
+    truths: list[Array], campaigns: list[Campaign]
+) -> None:
+    fitted, z = campaigns[0].fitted, to_unit(PARAMETERS, truths[0])
+    whole = likelihood(fitted.observations, fitted.emulators)
+    assert whole.parts == EVERY_PART
+    spread = np.linalg.slogdet(whole.residual(z)[1])[1]
+    for part in ({"packing": False}, {"measurement": False}, {"emulator": False},
+                 {"allowance": 0.0}):  # fmt: skip
+        less = likelihood(fitted.observations, fitted.emulators, Parts(**part))
+        assert np.linalg.slogdet(less.residual(z)[1])[1] < spread, part
+    # The emulator's own mean, taken as the recording, leaves no residual.
+    mean = whole.scores - whole.residual(z)[0]
+    assert np.abs(with_scores(whole, mean).residual(z)[0]).max() < 1e-12

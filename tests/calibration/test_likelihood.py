@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
-from test_calibrate import PARAMETERS, campaign_of, case_of
+from test_calibrate import PARAMETERS
 
-from calibration.likelihood import EVERY_PART, Parts, likelihood, with_scores
 from calibration.posterior import from_unit, prior_transform, sample, to_unit
 from calibration.recordings.case import Parameter
-from mfopt.arrays import Array, frozen
+from mfopt.arrays import Array
 
 
 def test_nested_sampling_finds_a_gaussian_posterior_and_its_evidence() -> None:
@@ -34,19 +33,3 @@ def test_a_normal_prior_is_cut_at_the_range() -> None:
 def test_units_are_inverse() -> None:
     x = np.array([[0.2, 0.01], [0.6, 0.1]])
     assert from_unit(PARAMETERS, to_unit(PARAMETERS, x)) == pytest.approx(x)
-
-
-def test_each_part_of_the_errors_lowers_the_certainty() -> None:
-    truth = frozen([0.35, 0.03])
-    fitted = campaign_of(case_of(truth, 1)).fitted
-    z = to_unit(PARAMETERS, truth)
-    whole = likelihood(fitted.observations, fitted.emulators)
-    assert whole.parts == EVERY_PART
-    spread = np.linalg.slogdet(whole.residual(z)[1])[1]
-    for part in ({"packing": False}, {"measurement": False}, {"emulator": False},
-                 {"allowance": 0.0}):  # fmt: skip
-        less = likelihood(fitted.observations, fitted.emulators, Parts(**part))
-        assert np.linalg.slogdet(less.residual(z)[1])[1] < spread, part
-    # The emulator's own mean, taken as the recording, leaves no residual.
-    mean = whole.scores - whole.residual(z)[0]
-    assert np.abs(with_scores(whole, mean).residual(z)[0]).max() < 1e-12

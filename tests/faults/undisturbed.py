@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from faults.campaign import COMMANDS, End, complaint, new_campaign
+from faults.campaign import COMMANDS, Campaign, End, complaint, new_campaign
 from faults.stores import Base
 
 ROOT = Path(__file__).parents[2]
@@ -80,18 +80,26 @@ class Undisturbed:
     end: End
 
 
+_made: dict[str, Undisturbed] = {}  # by study
+
+
 def undisturbed(folder: Path, study: str = COMMANDS) -> Undisturbed:
-    """Run a study without any fault.
+    """Run a study without any fault, in a new folder; what was made before is given again.
 
     Raises:
         RuntimeError: if it does not end well.
     """
-    campaign = new_campaign(folder, study)
+    if study not in _made:
+        _made[study] = _run(new_campaign(folder, study))
+    return _made[study]
+
+
+def _run(campaign: Campaign) -> Undisturbed:
     wrong = complaint(campaign.run(), codes=(0,))
     if wrong is not None:
         raise RuntimeError(f"the undisturbed run failed: {wrong}")
     base = Base(campaign.study, campaign.directory)
-    return Undisturbed(study, base, campaign.end())
+    return Undisturbed(campaign.study.read_text(), base, campaign.end())
 
 
 def studies() -> list[dict[str, Any]]:

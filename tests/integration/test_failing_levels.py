@@ -1,13 +1,14 @@
 """Levels that cannot run stop a study before its budget is spent; where all failed it says so."""
 
 import json
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner, Result
 
 from mfopt.campaign.store import open_run
+from mfopt.commands.app import app
 
 STUDY = """
 [study]
@@ -73,9 +74,8 @@ def study(
     return path
 
 
-def mfopt(*arguments: str | Path) -> "subprocess.CompletedProcess[str]":
-    command = [sys.executable, "-m", "mfopt", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
+def mfopt(*arguments: str | Path) -> Result:
+    return CliRunner().invoke(app, list(map(str, arguments)))
 
 
 def calls(folder: Path) -> list[tuple[str, int, dict[str, float]]]:
@@ -91,7 +91,7 @@ def test_a_level_that_never_runs_stops_the_study_with_its_log(
     path, directory = study(tmp_path, **{broken: "True"}), tmp_path / "run"
     options = ["-q", "-d", directory] if command == "run" else ["--dry-run"]
     done = mfopt(command, path, *options)
-    assert done.returncode == 1
+    assert done.exit_code == 1
     assert f"level '{broken}' cannot run: its first 3 runs" in done.stderr
     assert done.stderr.endswith("licence server does not answer\n")
     assert len(calls(tmp_path)) == 4  # three of the broken level, one of the other
@@ -100,7 +100,7 @@ def test_a_level_that_never_runs_stops_the_study_with_its_log(
 
 def test_a_dry_run_measures_and_writes_nothing(tmp_path: Path) -> None:
     done = mfopt("check", study(tmp_path), "--dry-run")
-    assert done.returncode == 0, done.stderr
+    assert done.exit_code == 0, done.stderr
     assert "every level runs" in done.stdout
     assert "The study takes about" in done.stdout
     assert sorted(level for level, _, _ in calls(tmp_path)) == ["coarse", "fine"]
@@ -112,7 +112,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a study that was run."""
     folder = tmp_path_factory.mktemp("finished")
     done = mfopt("run", study(folder, ASSISTED), "-q", "-d", folder / "run")
-    assert done.returncode == 0, done.stderr
+    assert done.exit_code == 0, done.stderr
     return folder
 
 
@@ -130,7 +130,7 @@ def test_what_the_check_ran_is_stored_and_not_run_again(finished: Path) -> None:
 def test_a_resumed_run_does_not_check_whole_runs_again(finished: Path) -> None:
     before = len(calls(finished))
     directory = finished / "run"
-    assert mfopt("run", finished / "study.toml", "-q", "-d", directory, "--resume").returncode == 0
+    assert mfopt("run", finished / "study.toml", "-q", "-d", directory, "--resume").exit_code == 0
     assert len(calls(finished)) == before
 
 
@@ -140,6 +140,6 @@ def test_a_run_without_a_finished_run_at_its_target_ends_with_the_commonest_reas
     # The check finishes, so that the study is not stopped; nothing else does at the target.
     path = study(tmp_path, fine='asked["seed"] != 1 or x != {"a": 0.5, "b": 0.5}')
     done = mfopt("run", path, "-q", "-d", tmp_path / "run")
-    assert done.returncode == 1
+    assert done.exit_code == 1
     assert "there is no result: none of" in done.stderr
     assert done.stderr.endswith("licence server does not answer\n")

@@ -171,14 +171,19 @@ ASSISTED: dict[str, object] = {
 }  # fmt: skip
 
 
-def test_it_keeps_to_its_budget_and_corrects_the_coarse_level() -> None:
-    best = mfopt.minimize(**ASSISTED)  # type: ignore[arg-type]
-    assert best.f < shifted_sphere(np.array([0.25, -1.05]), 0)  # the minimiser of the coarse one
-    assert best.level == "fine"
-    assert best.f == shifted_sphere(best.x, 0)
-    spent = sum(20 if e.candidate.level == "fine" else 1 for e in best.evaluations)
+@pytest.fixture(scope="module")
+def found() -> mfopt.Minimum:
+    """What the assisted search finds."""
+    return mfopt.minimize(**ASSISTED)  # type: ignore[arg-type]
+
+
+def test_it_keeps_to_its_budget_and_corrects_the_coarse_level(found: mfopt.Minimum) -> None:
+    assert found.f < shifted_sphere(np.array([0.25, -1.05]), 0)  # the minimiser of the coarse one
+    assert found.level == "fine"
+    assert found.f == shifted_sphere(found.x, 0)
+    spent = sum(20 if e.candidate.level == "fine" else 1 for e in found.evaluations)
     assert 11 * 20 < spent <= 12 * 20
-    assert {e.outcome.work for e in best.evaluations} == {1, 20}
+    assert {e.outcome.work for e in found.evaluations} == {1, 20}
 
 
 @pytest.mark.parametrize(
@@ -224,26 +229,24 @@ def test_under_noise_the_value_is_an_estimate_with_its_interval() -> None:
     assert best.best_run.objective < low  # the lowest of many noisy values is luck
 
 
-def test_without_noise_the_value_is_the_one_measured() -> None:
-    best = mfopt.minimize(**ASSISTED)  # type: ignore[arg-type]
-    fine = [e.objective for e in best.evaluations if e.candidate.level == "fine"]
-    assert best.f == best.best_run.objective == min(fine)
-    assert best.interval == (best.f, best.f)
+def test_without_noise_the_value_is_the_one_measured(found: mfopt.Minimum) -> None:
+    fine = [e.objective for e in found.evaluations if e.candidate.level == "fine"]
+    assert found.f == found.best_run.objective == min(fine)
+    assert found.interval == (found.f, found.f)
 
 
 def test_where_nothing_is_known_of_scatter_there_is_no_interval() -> None:
     assert mfopt.minimize({"f": noisy}, BOUNDS, generations=4).interval is None
 
 
-def test_what_was_found_is_said_in_a_few_lines() -> None:
-    best = mfopt.minimize(**ASSISTED)  # type: ignore[arg-type]
-    said = str(best).splitlines()
+def test_what_was_found_is_said_in_a_few_lines(found: mfopt.Minimum) -> None:
+    said = str(found).splitlines()
     assert len(said) == 5
-    assert said[0] == f"x: a = {best.x[0]:.6g}, b = {best.x[1]:.6g}"
-    assert said[1].startswith(f"f = {best.f:.6g} at level 'fine', as measured")
+    assert said[0] == f"x: a = {found.x[0]:.6g}, b = {found.x[1]:.6g}"
+    assert said[1].startswith(f"f = {found.f:.6g} at level 'fine', as measured")
     assert "at 'coarse'" in said[3]
-    assert best.why in said[4]
-    assert repr(best) == str(best)
+    assert found.why in said[4]
+    assert repr(found) == str(found)
 
 
 def test_runs_of_a_kept_directory_are_said_to_be_used(
