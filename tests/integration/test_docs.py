@@ -1,4 +1,4 @@
-"""The page on the study file names every key, objective and effect."""
+"""The page on the study file names every key, objective, quantity and effect."""
 
 from pathlib import Path
 
@@ -39,6 +39,13 @@ def test_every_key_is_explained(model: type[BaseModel]) -> None:
 @pytest.mark.parametrize("kind", SCENES.values())
 def test_every_objective_is_explained(kind: type[Scene]) -> None:
     assert [name for name in kind().criteria().objectives if f'`"{name}"`' not in PAGE] == []
+
+
+@pytest.mark.parametrize("kind", SCENES.values())
+def test_every_quantity_is_explained(kind: type[Scene]) -> None:
+    its = kind().criteria()
+    shown = [each.name for each in (*its.quantities, *its.series)]
+    assert [name for name in shown if f"`{name}`" not in PAGE] == []
 
 
 @pytest.mark.parametrize("its", EFFECTS.values(), ids=list(EFFECTS))
