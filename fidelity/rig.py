@@ -132,7 +132,8 @@ class SceneRig:
             self.parameter(parameter)
         kind = str(conditions.get(SCENE, self.scene))
         own = {key: value for key, value in conditions.items() if key != SCENE}
-        level = RigLevel(name, self, kind, own, parameters)
+        settings = self._scene(kind, own).settings.model_dump()
+        level = RigLevel(name, self, kind, settings, parameters)
         level.work(frozen([self.parameter(p).low for p in parameters]))
         return level
 
@@ -147,10 +148,6 @@ class SceneRig:
         free = {name: ((1.0 - BESIDE) * value, (1.0 + BESIDE) * value)}
         return read_scene(self.scenes[kind], {**own, "free": free}, {}, f"scene {kind}")
 
-    def _own(self, kind: str, conditions: Mapping[str, Any]) -> dict[str, Any]:
-        """All settings of the scene, as a table in which parameters can be set."""
-        return self._scene(kind, conditions).settings.model_dump()
-
 
 @dataclass(frozen=True, slots=True)
 class RigLevel:
@@ -159,7 +156,7 @@ class RigLevel:
     name: str
     rig: SceneRig
     kind: str
-    conditions: Mapping[str, float | str]
+    settings: Mapping[str, Any]  # of the scene, as a table in which parameters can be set
     parameters: tuple[str, ...]
 
     def work(self, x: Array) -> float:
@@ -179,7 +176,7 @@ class RigLevel:
         return self._level(x)[0]
 
     def _level(self, x: Array) -> tuple[SceneLevel, Array]:
-        own = self.rig._own(self.kind, self.conditions)
+        own = dict(self.settings)
         dem: dict[str, Any] = {**NUMERICS, **self.rig.numerics}
         dem["effects"] = {name: dict(v) for name, v in dem.get("effects", {}).items()}
         for name, value in zip(self.parameters, map(float, x), strict=True):

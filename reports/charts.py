@@ -17,6 +17,7 @@ from mfopt.arrays import AnyArray, Array
 from mfopt.records.objective import Quantity
 from mfopt.records.view import DesignView
 from reports.campaign import Step
+from reports.course import bands, restarts
 from reports.units import Display, number
 
 if TYPE_CHECKING:
@@ -155,9 +156,10 @@ def progress(
         axes[-1].set_xlabel("generation")
         axes[-1].xaxis.set_major_locator(MaxNLocator(integer=True))
         axes[-1].set_xlim(place[0] - 0.7, place[-1] + 0.7)
-        stretches = [(name, first - 0.5, last + 0.5) for name, first, last in bands(steps)]
-        draw_bands(axes, stretches)
-        draw_restarts(axes, [number - 0.5 for number, _ in restarts(steps)])
+        generations = [s.generation for s in steps]
+        places = [(g, g.number - 0.5, g.number + 0.5) for g in generations]
+        draw_bands(axes, bands(places))
+        draw_restarts(axes, restarts(places))
         return as_svg(figure)
 
 
@@ -189,18 +191,6 @@ def _failed(axis: "Axes", steps: Sequence[Step]) -> None:
                   ha="center", va="bottom", transform=edge)  # fmt: skip
 
 
-def bands(steps: Sequence[Step]) -> list[tuple[str, int, int]]:
-    """Successive generations on one level: name of the level, first and last number."""
-    made: list[tuple[str, int, int]] = []
-    for s in steps:
-        g = s.generation
-        if made and made[-1][0] == g.level:
-            made[-1] = (g.level, made[-1][1], g.number)
-        else:
-            made.append((g.level, g.number, g.number))
-    return made
-
-
 def _share(axis: "Axes", x: float) -> float:
     """Where `x` lies on an axis, as a share of its width."""
     return float(axis.transAxes.inverted().transform(axis.transData.transform((x, 1.0)))[0])
@@ -221,16 +211,6 @@ def draw_bands(axes: "Sequence[Axes]", stretches: Sequence[tuple[str, float, flo
             xytext=(2, 3), textcoords="offset points", fontsize=8, color="#333333",
             annotation_clip=False,
         )  # fmt: skip
-
-
-def restarts(steps: Sequence[Step]) -> list[tuple[int, str]]:
-    """Generation and reason of each restart that is no change of level."""
-    levels = {first for _, first, _ in bands(steps)}
-    return [
-        (s.generation.number, s.generation.why)
-        for s in steps
-        if s.generation.why and s.generation.number not in levels
-    ]
 
 
 def draw_restarts(axes: "Sequence[Axes]", places: Sequence[float]) -> None:

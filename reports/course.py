@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import groupby, pairwise
 
 import numpy as np
 
@@ -13,6 +13,8 @@ from reports.rows import Row
 
 MOST = 1e12  # [full runs] that a horizontal axis shows; as many as a cheapest run is of a full one
 LEVEL_CHANGE = "level change to "
+
+Place = tuple[Generation, float, float]  # a generation, and where it begins and ends on an axis
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,16 +37,19 @@ class Course:
     failed: BoolArray  # (n,)
     looks: tuple[Look, ...]
 
-    def bands(self) -> list[tuple[str, float, float]]:
-        """Stretches at one level: its name, and the work at its begin and end [full runs]."""
-        made: list[tuple[str, float, float]] = []
-        for look in self.looks:
-            level = look.generation.level
-            if made and made[-1][0] == level:
-                made[-1] = (level, made[-1][1], look.ended)
-            else:
-                made.append((level, look.began, look.ended))
-        return made
+    @property
+    def places(self) -> list[Place]:
+        """The generations over the work [full runs]."""
+        return [(look.generation, look.began, look.ended) for look in self.looks]
+
+
+def bands(places: Sequence[Place]) -> list[tuple[str, float, float]]:
+    """Stretches at one level: its name, begin and end."""
+    made = []
+    for level, group in groupby(places, key=lambda place: place[0].level):
+        its = list(group)
+        made.append((level, its[0][1], its[-1][2]))
+    return made
 
 
 def course(run: RunDirectory, rows: Sequence[Row]) -> Course | None:
@@ -97,12 +102,9 @@ def is_restart(before: Generation, its: Generation) -> bool:
     return its.level == before.level and bool(its.why)
 
 
-def restart_places(history: Course) -> list[float]:
-    """Work at each restart within a level [full runs]."""
-    return [
-        look.began for before, look in pairwise(history.looks)
-        if is_restart(before.generation, look.generation)
-    ]  # fmt: skip
+def restarts(places: Sequence[Place]) -> list[float]:
+    """Where the search restarts within a level."""
+    return [began for (one, *_), (its, began, _) in pairwise(places) if is_restart(one, its)]
 
 
 def ranking(history: Course) -> Mapping[str, Array]:

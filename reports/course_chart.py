@@ -22,7 +22,7 @@ from reports.charts import (
     short,
     styled,
 )  # fmt: skip
-from reports.course import Course, ranking, restart_places
+from reports.course import Course, bands, ranking, restarts
 from reports.statistics import Comparison, median_interval
 from reports.units import Display, number
 
@@ -68,14 +68,14 @@ def course(history: Course, shown: Display, name: str, confirmed: Comparison | N
         axes[3].set_xlabel("work spent by the search [full runs]")
         figure.align_ylabels(axes)
         legend_below(figure, axes)
-        draw_bands(axes, history.bands())
-        draw_restarts(axes, restart_places(history))
+        draw_bands(axes, bands(history.places))
+        draw_restarts(axes, restarts(history.places))
         return as_svg(figure)
 
 
 def logarithmic(history: Course) -> bool:
     """Whether the first level would be too narrow to see on a linear axis."""
-    _, began, ended = history.bands()[0]
+    _, began, ended = bands(history.places)[0]
     return ended - began < LOG_BELOW * float(history.spent[-1])
 
 

@@ -23,13 +23,6 @@ def step(number: int, level: str, why: str = "", best: float = 1.0) -> Step:
     return Step(Generation(number, level, 0, 0.2, 4, "f", why), best, 2 * best, {}, 4, 0)
 
 
-def test_level_changes_are_bands_and_other_restarts_are_marked() -> None:
-    its = [step(1, "a", "start"), step(2, "a", "converged: tolx"),
-           step(3, "b", "level change to b"), step(4, "b")]  # fmt: skip
-    assert charts.bands(its) == [("a", 1, 2), ("b", 3, 4)]
-    assert charts.restarts(its) == [(2, "converged: tolx")]
-
-
 def test_labels_in_a_row_never_overlap() -> None:
     rng = np.random.default_rng(4)
     lefts = np.sort(rng.random(30)).tolist()

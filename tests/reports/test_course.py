@@ -11,7 +11,7 @@ from mfopt.campaign.store import RunDirectory
 from mfopt.records.evaluation import Generation
 from reports import course_chart, write_report
 from reports.answer import answer, found_in
-from reports.course import Course, Look, changes, course, ranking, restart_places
+from reports.course import Course, Look, bands, changes, course, ranking, restarts
 from reports.rows import read_rows
 from reports.units import display
 
@@ -28,12 +28,12 @@ def test_work_levels_and_generations_are_those_of_the_runs(make_assisted: MakeRu
     assert [look.began for look in its.looks] == pytest.approx([0.0, *ends[:2]])
     assert its.level.tolist() == [0] * 4 + [1, 0, 0] + [1] * 4
     assert its.spent[-1] == pytest.approx(ends[-1])  # confirmation is no part of the search
-    assert [(name, end) for name, _, end in its.bands()] == [
+    assert [(name, end) for name, _, end in bands(its.places)] == [
         ("bullet-300", pytest.approx(ends[1])), ("yade-1000", pytest.approx(ends[2])),
     ]  # fmt: skip
     np.testing.assert_allclose(ranking(its)["certainty"], [0.9, 0.45, 0.3])
     np.testing.assert_array_equal(ranking(its)["runs"], [4, 3, 4])
-    assert restart_places(its) == []
+    assert restarts(its.places) == []
 
 
 def test_a_search_without_insights_has_no_course(finished_run: RunDirectory) -> None:
@@ -52,6 +52,16 @@ def test_level_changes_and_restarts_are_given_with_their_reasons() -> None:
     ]  # fmt: skip
 
 
+def test_level_changes_are_bands_and_other_restarts_are_marked() -> None:
+    whys = [("a", "start"), ("a", "converged: tolx"), ("b", "level change to b"), ("b", "")]
+    places = [
+        (Generation(n, level, 0, 0.2, 4, "f", why), n - 0.5, n + 0.5)
+        for n, (level, why) in enumerate(whys, start=1)
+    ]
+    assert bands(places) == [("a", 0.5, 2.5), ("b", 2.5, 4.5)]
+    assert restarts(places) == [1.5]
+
+
 def test_a_level_named_like_a_mark_hides_no_restart() -> None:
     levels = [("R1", "start"), ("R1", "converged"), ("b", "level change to b: x"), ("b", "")]
     looks = tuple(
@@ -60,7 +70,7 @@ def test_a_level_named_like_a_mark_hides_no_restart() -> None:
     )
     empty = np.empty(0)
     history = Course(("R1", "b"), empty, empty.astype(int), empty.astype(bool), looks)
-    assert restart_places(history) == [2.0]
+    assert restarts(history.places) == [2.0]
 
 
 def test_the_figure_names_what_it_shows(make_assisted: MakeRun) -> None:
