@@ -54,7 +54,10 @@ def packed(name: str | None, seed: int, settings: DischargeSettings = RIG) -> Pa
     """Filled with the effect; packings that it does not change are made once."""
     effects = {} if name is None else {name: STRENGTHS[name]}
     portion = with_effects(PORTION, effects)
-    filling = with_effects(filling_setup(settings, portion, seed), effects)
+    loose = filling_setup(settings, portion, seed)
+    filling = with_effects(loose, effects)
+    if name is not None and portion is PORTION and filling is loose:
+        return packed(None, seed, settings)
     return filled(ENGINE, filling, time_limit_s=LIMIT_S)[0]
 
 
