@@ -28,6 +28,7 @@ from mfopt.search.archive import Archive
 from mfopt.search.belief import FEWEST, Belief, learn
 from mfopt.search.climbing import Standing, misled, validation_due, why_climb, why_leave
 from mfopt.search.distribution import Distribution
+from mfopt.search.extra_runs import MOST_OWED, asked, owed, to_repeat, to_validate
 from mfopt.search.plan import Plan
 from mfopt.search.prescreen import DECIDED, blurred, minimiser, thompson
 from mfopt.search.ranking import certainty, expected_weights, recombination_weights
@@ -53,11 +54,6 @@ RADIUS = 2.0  # of the trust region [sqrt(d)], in the distribution's coordinates
 WIDTH_AFTER_CLIMB = 0.05  # least widest deviation after a level change, unit cube
 FAR = 4.0  # a recommendation so far from the mean [sqrt(d)] starts a new distribution
 WIDTH_OF_RESTART = 0.5  # of the first step size
-WITH_START = 3.0  # least budget [target runs] of which one is kept to run the start at the target
-REPEAT_LEFT = (
-    5.0  # least budget [target runs] of which one tells whether runs at the target scatter
-)
-MOST_OWED = 2  # runs that the end needs at the target
 CONVERGED = 1e-6  # widest deviation at the target level that leads to a restart, unit cube
 
 
@@ -234,25 +230,12 @@ class AssistedCmaEs:
     def _affordable(self) -> bool:
         """Whether the budget allows a run at the working level, and those owed at the end."""
         after, cost = self._plan.left_after(self._level), self._rungs[-1].cost
-        return after >= cost * MOST_OWED or after >= cost * self._owed
-
-    @property
-    def _owed(self) -> int:
-        """Runs that the end needs at the target: of the recommended design, and of the start.
-
-        That of the start is left out of a budget of fewer than `WITH_START` runs.
-        """
-        best, target = self._recommended(), self._target
-        ladder = target > 0 and self._plan.budget >= WITH_START * self._rungs[-1].cost
-        start = ladder and not self._asked(self._start, target)
-        if best is None:
-            return start + (self._level < target)
-        return start + (not self._asked(best, target))
+        return after >= cost * MOST_OWED or after >= cost * owed(
+            self._archive, self._plan, self._start, self._recommended(), self._level
+        )
 
     def _asked(self, z: Array, level: int) -> bool:
-        """Whether the design `z` (d,) was asked for at a level."""
-        run = bool((self._archive.designs_at(level) == z).all(axis=1).any())
-        return run or any(np.array_equal(z, other) for other in self._plan.out_at(level))
+        return asked(self._archive, self._plan, z, level)
 
     def _keep_busy(self) -> None:
         """Plan a run that the search does not wait for, rather than leave a worker idle."""
@@ -303,21 +286,13 @@ class AssistedCmaEs:
         self._open_generation()
 
     def _plan_repeat(self) -> None:
-        """Once a level, run a design again on a seed of its own: then we know whether runs scatter.
-
-        At the target of a ladder, where runs are dear, only if nothing is known from the level
-        below, and only if so many runs are left that one is little.
-        """
-        finished = self._archive.finished_at(self._level)
-        if self._level in self._repeated or not len(finished):
+        """Once a level, run a design again."""
+        if self._level in self._repeated:
             return
-        if self._lowest < self._level == self._target:
-            left = self._plan.left_after(self._level) / self._rungs[-1].cost
-            if left < REPEAT_LEFT or scatters(self._archive, self._level, self._target) is not None:
-                return
-        self._repeated.add(self._level)
-        seed = self._first_seed + self._seeds
-        self._plan.add(self._archive.z[finished[-1]], self._level, seed=seed)
+        z = to_repeat(self._archive, self._plan, self._level, self._lowest)
+        if z is not None:
+            self._repeated.add(self._level)
+            self._plan.add(z, self._level, seed=self._first_seed + self._seeds)
 
     def _plan_validation(self) -> None:
         above = self._level + 1
@@ -325,15 +300,11 @@ class AssistedCmaEs:
             return
         if not validation_due(*self._since_validation, self._rungs[above].cost):
             return
-        best, start = (
-            self._recommended(),
-            [] if len(self._archive.values_at(above)) else [self._start],
-        )
-        if best is None or self._plan.left_after(above, 1 + len(start)) < 0.0:
+        if (best := self._recommended()) is None:
             return
-        self._since_validation = (0.0, 0)
-        for z in (*start, best):
+        for z in to_validate(self._archive, self._plan, self._start, best, above):
             self._plan.add(z, above)
+            self._since_validation = (0.0, 0)
 
     def _plan_exchange(self) -> None:
         best = self._recommended()
@@ -491,29 +462,25 @@ class AssistedCmaEs:
         return ""
 
     def _climb(self, why: str) -> str:
-        left = self._rungs[self._level].level
         failing = why_leave(self._archive, self._level) is not None
+        if failing:
+            log.warning("level %r is left: %s", self._rungs[self._level].level, why)
         self._level += 1
         self._restarts += 1
         self._exchange.new_level()
         self._since_validation = (0.0, 0)
-        name = self._rungs[self._level].level
-        if failing:
-            log.warning("level %r is left: %s", left, why)
+        change = f"level change to {self._rungs[self._level].level}"
+        if failing or misled(self._archive, self._start, self._level):
             self._lowest = self._level
             self._begin_at(self._start, self._sigma)
-            return f"level change to {name}, from the start: {why}"
-        if misled(self._archive, self._start, self._level):
-            self._lowest = self._level
-            self._begin_at(self._start, self._sigma)
-            return f"level change to {name}, from the start: the levels below mislead"
+            return f"{change}, from the start: {why if failing else 'the levels below mislead'}"
         best = self._recommended()
         if best is not None and self._distance(best) > FAR * np.sqrt(len(best)):
             self._begin_at(best, WIDTH_OF_RESTART * self._sigma)
         else:
             self._distribution.widen(WIDTH_AFTER_CLIMB)
             self._learn()
-        return f"level change to {name}: {why}"
+        return f"{change}: {why}"
 
     def _restart(self, why: str) -> str:
         self._restarts += 1

@@ -27,12 +27,17 @@ class Plan:
     """
 
     def __init__(self, costs: Sequence[float], budget: float) -> None:
-        self._costs, self.budget = tuple(costs), budget
+        self.costs, self.budget = tuple(costs), budget
         self._planned: list[PlannedRun] = []
         self._out: dict[int, PlannedRun] = {}
         self._awaited: set[int] = set()
         self._begun = 0
         self.spent = np.zeros(len(costs))  # on runs that have begun, by level
+
+    @property
+    def target(self) -> int:
+        """The last level."""
+        return len(self.costs) - 1
 
     def __bool__(self) -> bool:
         """Whether a run can begin."""
@@ -45,8 +50,8 @@ class Plan:
 
     def left_after(self, level: int, runs: int = 1) -> float:
         """Budget neither spent nor planned for, less some more runs at a level."""
-        planned = sum(self._costs[run.level] for run in self._planned)
-        return float(self.budget - self.spent.sum() - planned - runs * self._costs[level])
+        planned = sum(self.costs[run.level] for run in self._planned)
+        return float(self.budget - self.spent.sum() - planned - runs * self.costs[level])
 
     def add(self, z: Array, level: int, *, awaited: bool = True, seed: int | None = None) -> None:
         """Plan a run after those planned before."""
@@ -65,7 +70,7 @@ class Plan:
         self._out[number] = run
         if run.awaited:
             self._awaited.add(number)
-        self.spent[run.level] += self._costs[run.level]
+        self.spent[run.level] += self.costs[run.level]
         return number, run
 
     def end(self, number: int) -> PlannedRun:
