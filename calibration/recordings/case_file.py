@@ -12,7 +12,6 @@ from calibration.recordings.case_settings import (
     MeasurementSettings,
     RecordingSettings,
     ScalarSettings,
-    read_case_settings,
 )
 from calibration.recordings.header import unit_for
 from calibration.recordings.records import Recording, Repeat
@@ -23,19 +22,6 @@ from mfopt.records.rig import Channel
 from mfopt.settings import nearest
 
 Channels = Mapping[str, Channel]
-
-
-def read_case(path: Path, channels: Channels) -> Case:
-    """Read a case file and the recordings that it names.
-
-    Args:
-        path: of the case file.
-        channels: what the rig can give, by name.
-
-    Raises:
-        ConfigError: if the case file or a recording cannot be trusted.
-    """
-    return complete_case(read_case_settings(path)[0], path, channels)
 
 
 def complete_case(settings: CaseSettings, path: Path, channels: Channels) -> Case:

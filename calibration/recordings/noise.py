@@ -1,4 +1,4 @@
-"""Measurement noise and scatter between repeats, told apart by how fast they change.
+"""Measurement noise, told apart from scatter between repeats by how fast they change.
 
 Measurement noise changes from sample to sample. Repeats of a granular experiment also differ by the
 packing of the grains: slowly, over all of the run. The first is what is left around a smooth trend
@@ -15,19 +15,17 @@ from scipy.stats import chi2
 
 from calibration.recordings.agreement import best_shift, roughness
 from calibration.recordings.case import Known
-from calibration.recordings.records import Noise, Recording, Scatter, Series
+from calibration.recordings.records import Noise, Recording, Series
 from calibration.recordings.trend import (
     Basis,
     Fit,
     Group,
-    basis_matrix,
-    contrasts,
     design,
     fit,
     information,
     restricted,
 )
-from mfopt.arrays import Array, BoolArray, frozen
+from mfopt.arrays import Array, BoolArray
 from mfopt.errors import ConfigError
 
 FEWEST = 8  # samples of a repeat; fewer tell nothing of noise
@@ -100,31 +98,7 @@ def noise_covariance(noise: Noise, times: Array) -> Array:
     return noise.sigma**2 * np.exp(-apart / noise.autocorrelation_time)
 
 
-def repeat_scatter(
-    recording: Recording, channel: str, noise: Noise, points: int = 100
-) -> Scatter | None:
-    """How repeats differ beyond noise; None if fewer than two have the channel.
-
-    Repeats with an unknown start are shifted in time until they agree best.
-    """
-    groups = _groups([recording], channel, shift_known_starts=False)
-    if not groups or len(groups[0][0].times) < 2:
-        return None
-    model = _model(*groups[0])
-    group, basis = model.group, model.basis
-    coefficients = fit(group, design(group, basis), noise.autocorrelation_time).coefficients
-    repeats = len(group.times)
-    own = coefficients[basis.shared :].reshape(repeats - 1, basis.own)
-    times = np.linspace(*group.span, points)
-    curves = np.asarray(basis_matrix(times, group.span, basis.own) @ own.T)  # (points, r - 1)
-    deviations = contrasts(repeats) @ curves.T
-    sd = np.sqrt(np.sum(deviations**2, axis=0) / (repeats - 1))
-    return Scatter(channel, frozen(times), frozen(deviations), frozen(sd))
-
-
-def _groups(
-    recordings: Sequence[Recording], channel: str, *, shift_known_starts: bool = True
-) -> list[tuple[Group, float]]:
+def _groups(recordings: Sequence[Recording], channel: str) -> list[tuple[Group, float]]:
     """The repeats of each recording on a common start, and the coarsest step between values."""
     made = []
     for recording in recordings:
@@ -135,7 +109,7 @@ def _groups(
             continue
         first, free = pairs[0][1], [math.isinf(its.start_sd_s) for its, _ in pairs]
         shifts = [
-            best_shift(first, s, free=free[0] or one) if shift_known_starts or one else 0.0
+            best_shift(first, s, free=free[0] or one)
             for (_, s), one in zip(pairs[1:], free[1:], strict=True)
         ]
         times = [s.times[_telling(s)] for _, s in pairs]

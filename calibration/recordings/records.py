@@ -77,13 +77,3 @@ class Noise:
     autocorrelation_time: float  # [s]; 0: independent from sample to sample
     sigma_range: tuple[float, float]  # 90 % interval, or bounds if found from one recording
     found: str  # "from 3 repeats", "bounded from one recording", "stated"
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Scatter:
-    """How repeats of one recording differ beyond measurement noise: slowly, over all of the run."""
-
-    channel: str
-    times: Array  # (g,) [s]
-    deviations: Array  # (r, g) smooth deviation of each repeat from the mean of all, channel's unit
-    sd: Array  # (g,) between repeats

@@ -56,7 +56,6 @@ class Fit:
     freedom: int  # samples minus functions
     log_det: float  # of the transformation, and of the normal equations
     log_det_noise: float  # of the transformation alone
-    coefficients: Array
 
 
 def basis_matrix(times: Array, span: tuple[float, float], functions: int) -> sparse.csr_matrix:
@@ -107,7 +106,7 @@ def fit(group: Group, matrix: sparse.csr_matrix, tau: float) -> Fit:
     squares = float(np.sum((y - a @ coefficients) ** 2))
     log_det = log_det_noise + 2.0 * float(np.sum(np.log(np.diag(factor))))
     freedom = y.size - matrix.shape[1]
-    return Fit(squares, freedom, log_det, log_det_noise, coefficients)
+    return Fit(squares, freedom, log_det, log_det_noise)
 
 
 def restricted(fits: Sequence[Fit]) -> float:

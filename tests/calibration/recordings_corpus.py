@@ -7,6 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from calibration.recordings.case import Case
+from calibration.recordings.case_file import complete_case
+from calibration.recordings.case_settings import read_case_settings
 from mfopt.arrays import Array
 from mfopt.records.rig import Channel
 
@@ -23,6 +26,11 @@ CHANNELS = {
 }
 
 Files = Mapping[str, str | bytes]
+
+
+def read_case(path: Path, channels: Mapping[str, Channel]) -> Case:
+    """A case file and the recordings that it names."""
+    return complete_case(read_case_settings(path)[0], path, channels)
 
 
 @dataclass(frozen=True)

@@ -4,9 +4,8 @@ import math
 from pathlib import Path
 
 import pytest
-from recordings_corpus import CHANNELS, clean
+from recordings_corpus import CHANNELS, clean, read_case
 
-from calibration.recordings.case_file import read_case
 from calibration.recordings.case_settings import read_case_settings
 from mfopt.errors import ConfigError
 

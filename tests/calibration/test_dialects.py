@@ -5,9 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from recordings_corpus import CHANNELS
+from recordings_corpus import CHANNELS, read_case
 
-from calibration.recordings.case_file import read_case
 from calibration.recordings.records import Series
 
 CASE = """[case]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from calibration.recordings.case import Known
-from calibration.recordings.noise import measurement_noise, noise_covariance, repeat_scatter
+from calibration.recordings.noise import measurement_noise, noise_covariance
 from calibration.recordings.records import Recording, Repeat, Series
 from mfopt.arrays import Array
 from mfopt.errors import ConfigError
@@ -88,7 +88,6 @@ def test_one_recording_gives_bounds(tau: float, kink: bool) -> None:
         assert noise.sigma_range[0] <= noise.sigma <= noise.sigma_range[1]
         assert noise.sigma_range[0] <= 1.1 * SIGMA
         assert noise.sigma_range[1] >= 0.95 * SIGMA
-        assert repeat_scatter(its, "level", noise) is None
 
 
 def test_noise_scales_with_the_unit() -> None:
@@ -137,25 +136,6 @@ def test_too_few_samples_ask_for_a_stated_noise() -> None:
     with pytest.raises(ConfigError, match=r"state noise in \[measurement.level\]"):
         measurement_noise(its, "level", UNKNOWN)
     assert measurement_noise(its, "level", Known(noise=0.1)).sigma == 0.1
-
-
-def test_scatter_is_the_slow_part() -> None:
-    sds = []
-    for seed in range(12):
-        its = recording(4, seed)
-        scatter = repeat_scatter(its, "level", measurement_noise([its], "level", UNKNOWN))
-        assert scatter is not None
-        assert scatter.deviations.sum(axis=0) == pytest.approx(0.0, abs=1e-12)
-        sds.append(scatter.sd[0])
-    true = 1e-3 * np.sqrt(1.0 + 1.0 / 4.0 + 1.0 / 9.0 + 1.0 / 16.0)  # all cosines are 1 at t = 0
-    assert np.sqrt(np.mean(np.square(sds))) == pytest.approx(true, rel=0.25)
-
-
-def test_scatter_vanishes_with_packing() -> None:
-    its = recording(4, 0, scatter=0.0)
-    scatter = repeat_scatter(its, "level", measurement_noise([its], "level", UNKNOWN))
-    assert scatter is not None
-    assert np.mean(scatter.sd) < 0.6 * SIGMA
 
 
 def test_covariance_is_that_of_the_noise() -> None:

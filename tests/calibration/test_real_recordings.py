@@ -4,9 +4,9 @@ import os
 from pathlib import Path
 
 import pytest
+from recordings_corpus import read_case
 
 from calibration.recordings.case import Known
-from calibration.recordings.case_file import read_case
 from calibration.recordings.noise import measurement_noise
 from mfopt.records.rig import Channel
 

@@ -4,9 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from recordings_corpus import CHANNELS, READ, REFUSED, Flaw, clean, write
+from recordings_corpus import CHANNELS, READ, REFUSED, Flaw, clean, read_case, write
 
-from calibration.recordings.case_file import read_case
 from mfopt.errors import ConfigError
 
 
