@@ -7,6 +7,9 @@ import numpy as np
 from mfopt.arrays import Array, frozen
 from mfopt.errors import ConfigError
 
+# Smaller grains slip between the others, and need too short a time step.
+SMALLEST_RATIO = 0.1
+
 
 @dataclass(frozen=True, slots=True)
 class Sizes:
@@ -23,9 +26,10 @@ class Sizes:
             )
         if not 0.0 <= self.small_share <= 1.0:
             raise ConfigError(f"small_share = {self.small_share:g} must lie in 0 to 1")
-        if not 0.0 < self.small_ratio <= 1.0:
+        if not SMALLEST_RATIO <= self.small_ratio <= 1.0:
             raise ConfigError(
-                f"small_ratio = {self.small_ratio:g} must be above 0 and at most 1; 1 is equal size"
+                f"small_ratio = {self.small_ratio:g} must be at least {SMALLEST_RATIO:g} and at "
+                "most 1; 1 is equal size"
             )
 
 

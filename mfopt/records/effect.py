@@ -8,6 +8,10 @@ from typing import Literal
 
 from mfopt.errors import ConfigError
 
+# A value further from 0 than so many times the plausible range is a slip, such as of the unit. It
+# may need more steps or memory than there are.
+BEYOND = 10.0
+
 Tag = Literal["material", "apparatus", "measurement", "numerics"]
 
 
@@ -28,6 +32,11 @@ class EffectParameter:
                 f"null = {self.null:g} of an effect's parameter must lie in its plausible range "
                 f"{self.low:g} to {self.high:g}, and both ends must be finite; widen the range"
             )
+
+    @property
+    def most(self) -> float:
+        """The largest magnitude that is accepted."""
+        return BEYOND * max(-self.low, self.high)
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +64,8 @@ def complete(effect: Effect, values: Mapping[str, float]) -> dict[str, float]:
     """All parameters of the effect: `values`, and the null where they name none.
 
     Raises:
-        ConfigError: if a name is unknown, or a value is not a finite number.
+        ConfigError: if a name is unknown, or a value is not a finite number or far beyond the
+            plausible range.
     """
     for name, value in values.items():
         if name not in effect.parameters:
@@ -65,6 +75,12 @@ def complete(effect: Effect, values: Mapping[str, float]) -> dict[str, float]:
             )
         if not math.isfinite(value):
             raise ConfigError(f"effect {effect.name!r}: {name} = {value} must be a finite number")
+        its = effect.parameters[name]
+        if abs(value) > its.most:
+            raise ConfigError(
+                f"effect {effect.name!r}: {name} = {value:g} {its.unit} must be at most "
+                f"{its.most:g} in magnitude; plausible is {its.low:g} to {its.high:g} {its.unit}"
+            )
     nulls = {name: parameter.null for name, parameter in effect.parameters.items()}
     return {**nulls, **values}
 

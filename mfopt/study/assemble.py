@@ -202,8 +202,8 @@ def scene_class(name: str) -> type[Scene]:
     Raises:
         ConfigError: if there is none.
     """
-    if name not in SCENES:
-        raise ConfigError(f"there is no scene {name!r}{nearest(name, SCENES)}")
+    if not isinstance(name, str) or name not in SCENES:
+        raise ConfigError(f"there is no scene {name!r}{nearest(str(name), SCENES)}")
     return SCENES[name]
 
 

@@ -1,6 +1,7 @@
 """`load_scene`: one simulation of a scene, from a notebook."""
 
 import textwrap
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -10,9 +11,11 @@ from fidelity.level import SceneLevel
 from fidelity.scene import Scene, read_scene
 from fidelity.scenes.beads import Vessel
 from mfopt.arrays import Array, frozen
+from mfopt.checks import number, whole
 from mfopt.errors import ConfigError, SimulationError
 from mfopt.records.objective import Criteria
 from mfopt.records.outcome import Outcome
+from mfopt.search.search import MOST_SEED
 from mfopt.settings import checked, nearest
 from mfopt.study.assemble import (
     DEM_NAMES,
@@ -27,6 +30,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 GRAINS = 1000
+MOST_DESIGN = 10_000.0  # magnitude of a design value, as in study files
 WIDTH = 100  # characters of a line
 
 
@@ -64,7 +68,8 @@ class LoadedScene:
         table = {"grains": grains, **numerics, "name": engine, "engine": engine}
         settings = checked(DemLevelSettings, table, where="run")
         level = SceneLevel(engine, self.scene, settings, engine_named(engine, settings))
-        outcome = level.evaluate(self._x(design or {}), seed=seed)
+        x = self._x({} if design is None else design)
+        outcome = level.evaluate(x, seed=whole("seed", seed, 0, MOST_SEED))
         if not outcome.finished:
             raise SimulationError(f"the run of {self.scene.name} failed: {outcome.why}")
         return SceneRun(self.scene.name, outcome, self.scene.criteria())
@@ -72,10 +77,15 @@ class LoadedScene:
     def _x(self, design: dict[str, float]) -> Array:
         problem = self.scene.problem()
         values = dict(problem.named(problem.baseline))
+        if not isinstance(design, Mapping):
+            raise ConfigError(
+                f"design = {design!r} must give values by name, such as "
+                f"{{{problem.names[0]!r}: 1.0}}"
+            )
         for name, value in design.items():
             if name not in values:
-                raise ConfigError(f"there is no variable {name!r}{nearest(name, values)}")
-            values[name] = float(value)
+                raise ConfigError(f"there is no variable {name!r}{nearest(str(name), values)}")
+            values[name] = number(name, value, -MOST_DESIGN, MOST_DESIGN)
         return frozen(list(values.values()))
 
     def __repr__(self) -> str:

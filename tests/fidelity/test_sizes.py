@@ -110,7 +110,8 @@ def test_a_kept_packing_whose_sizes_were_changed_is_made_again(tmp_path: Path) -
     [
         ({"scatter": 1.0}, "scatter = 1 of sizes must be at least 0 and below 1"),
         ({"small_share": 1.1}, r"small_share = 1\.1 must lie in 0 to 1"),
-        ({"small_ratio": 0.0}, "small_ratio = 0 must be above 0"),
+        ({"small_ratio": 0.0}, "small_ratio = 0 must be at least 0.1"),
+        ({"small_ratio": 1e-5}, "small_ratio = 1e-05 must be at least 0.1"),
     ],
 )
 def test_sizes_that_cannot_be_are_refused(given: dict[str, float], message: str) -> None:

@@ -49,6 +49,16 @@ def test_a_value_that_is_no_number_is_refused() -> None:
         complete(SHAKE, {"frequency": float("nan")})
 
 
+@pytest.mark.parametrize("values", [{"frequency": 501.0}, {"heading": -1e30}, {"amplitude": 1.0}])
+def test_a_value_far_beyond_the_plausible_range_is_refused(values: dict[str, float]) -> None:
+    with pytest.raises(ConfigError, match=r"= .* must be at most .*; plausible is"):
+        complete(SHAKE, values)
+
+
+def test_a_value_somewhat_beyond_the_plausible_range_is_accepted() -> None:
+    assert complete(SHAKE, {"frequency": 499.0})["frequency"] == 499.0
+
+
 def test_a_null_outside_its_range_is_refused() -> None:
     with pytest.raises(ConfigError, match="null = 2"):
         EffectParameter(2.0, 0.0, 1.0, "-", "anything")

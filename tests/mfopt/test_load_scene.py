@@ -1,6 +1,7 @@
 """Single simulations from a notebook."""
 
 import io
+from typing import Any
 
 import numpy as np
 import pytest
@@ -92,6 +93,28 @@ def test_wrong_arguments_are_named() -> None:
         hopper.run(engine="cuda")  # type: ignore[arg-type]
     with pytest.raises(SimulationError, match="floor_angle"):
         hopper.run({"floor_angle": 95.0})
+
+
+@pytest.mark.parametrize(
+    ("given", "match"),
+    [
+        ({"design": {"opening": "x"}}, "opening = 'x' must be a number"),
+        ({"design": {"opening": float("nan")}}, "opening = nan must be a finite number"),
+        ({"design": {"opening": 1e30}}, "opening = 1e[+]30 must be at most 10000"),
+        ({"design": {5: 1.0}}, "no variable 5"),
+        ({"design": [30.0]}, "must give values by name"),
+        ({"seed": -1}, "seed = -1 must be at least 0"),
+        ({"seed": None}, "seed = None must be a whole number"),
+    ],
+)
+def test_a_wrong_design_or_seed_is_refused(given: dict[str, Any], match: str) -> None:
+    with pytest.raises(ConfigError, match=match):
+        mfopt.load_scene("discharge").run(**given)
+
+
+def test_a_scene_that_is_no_name_is_refused() -> None:
+    with pytest.raises(ConfigError, match="no scene 5"):
+        mfopt.load_scene(5)  # type: ignore[arg-type]
 
 
 def test_every_run_of_a_search_is_a_row_of_a_frame() -> None:
