@@ -19,7 +19,8 @@ def case(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for file in EXAMPLE.iterdir():
         text = file.read_text()
         if file.name == "case.toml":
-            text = text.replace('scene = "discharge"\n', 'scene = "discharge"\ncoarse = 3\n', 1)
+            coarse = "coarse = 3\nlevel = { young_modulus_pa = 2e5 }\n"
+            text = text.replace('scene = "discharge"\n', f'scene = "discharge"\n{coarse}', 1)
         (folder / file.name).write_text(text)
     return folder / "case.toml"
 
