@@ -25,7 +25,9 @@ from surrogates.series import SeriesEmulator, fit_series
 
 FIRST = 0.6  # of the runs that the emulators learn from are spread over the ranges
 REPLICATED = 0.25  # of these parameters run twice
-PREDICTED = 6  # runs of the posterior for each recording
+PREDICTED = 6  # runs of the posterior for each recording, where they cost less than this share:
+SPARED = 0.25  # of all runs
+FEWEST_PREDICTED = 3
 FEWEST = 16  # runs that an emulator needs, before the posterior is run
 WIDER = 1.5  # times as wide as the posterior are the later parameters drawn
 ROUGH = 40  # points of the sampler that decides where the later runs are
@@ -91,7 +93,8 @@ def calibrate(
     later = _refined(case, first.posterior, each - spread, len(made))
     made += evaluate(later)
     fitted = fit(case, noises, made, parts)
-    last = evaluate(_predictions(case, fitted.posterior, len(made)))
+    count = predictions_of_each(case, runs)
+    last = evaluate(_predictions(case, fitted.posterior, count, len(made)))
     predicted = tuple(_predicted(case, recording, noises, last) for recording in case.recordings)
     return Campaign(fitted, predicted, (*made, *last))
 
@@ -104,14 +107,19 @@ def runs_of_each(case: Case, runs: int) -> int:
     """
     if not case.fitted:
         raise ConfigError("all recordings are held out; fit at least one")
-    each = (runs - PREDICTED * len(case.recordings)) // len(case.fitted)
+    each = (runs - predictions_of_each(case, runs) * len(case.recordings)) // len(case.fitted)
     if each < FEWEST:
-        least = FEWEST * len(case.fitted) + PREDICTED * len(case.recordings)
+        least = FEWEST * len(case.fitted) + FEWEST_PREDICTED * len(case.recordings)
         raise ConfigError(
             f"{runs} runs are too few for {len(case.fitted)} fitted recordings and "
             f"{len(case.held_out)} held out; give at least {least}"
         )
     return each
+
+
+def predictions_of_each(case: Case, runs: int) -> int:
+    """Runs of the posterior for each recording."""
+    return max(FEWEST_PREDICTED, min(PREDICTED, int(SPARED * runs / len(case.recordings))))
 
 
 def fit(
@@ -197,11 +205,11 @@ def _refined(case: Case, posterior: Posterior, each: int, first: int) -> list[Ca
     return _candidates(case.parameters, points, first, "refine")
 
 
-def _predictions(case: Case, posterior: Posterior, first: int) -> list[Candidate]:
+def _predictions(case: Case, posterior: Posterior, count: int, first: int) -> list[Candidate]:
     """Draws of the posterior under the conditions of every recording."""
     rng = np.random.default_rng([case.seed, 2000])
     z = to_unit(case.parameters, posterior.draws)
-    points = [(r, z[rng.integers(0, len(z), PREDICTED)]) for r in case.recordings]
+    points = [(r, z[rng.integers(0, len(z), count)]) for r in case.recordings]
     return _candidates(case.parameters, points, first, "predict")
 
 

@@ -6,6 +6,7 @@ which models are compared. A run of some ten thousand likelihoods takes seconds.
 Source: Skilling 2006, doi:10.1214/06-BA127; Speagle 2020, doi:10.1093/mnras/staa278.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -44,15 +45,23 @@ class Posterior:
 
 
 def to_unit(parameters: Sequence[Parameter], x: Array) -> Array:
-    """Parameters (..., d) in the unit cube of their ranges."""
+    """Parameters (..., d) in the unit cube of their ranges, or of the logarithms of these."""
     low, width = _ranges(parameters)
-    return np.asarray((x - low) / width)
+    return np.asarray((_even(parameters, x) - low) / width)
 
 
 def from_unit(parameters: Sequence[Parameter], z: Array) -> Array:
     """Parameters (..., d) in their units."""
     low, width = _ranges(parameters)
-    return np.asarray(low + z * width)
+    even = low + z * width
+    columns = [np.exp(e) if p.log else e for p, e in zip(parameters, even.T, strict=True)]
+    return np.asarray(np.array(columns).T)
+
+
+def _even(parameters: Sequence[Parameter], x: Array) -> Array:
+    """The parameters (..., d), or their logarithms."""
+    columns = [np.log(v) if p.log else v for p, v in zip(parameters, np.asarray(x).T, strict=True)]
+    return np.asarray(np.array(columns).T)
 
 
 def prior_transform(parameters: Sequence[Parameter]) -> Callable[[Array], Array]:
@@ -60,8 +69,10 @@ def prior_transform(parameters: Sequence[Parameter]) -> Callable[[Array], Array]
     normal = {}
     for i, p in enumerate(parameters):
         if p.mean is not None and p.sd is not None:
-            width = p.high - p.low
-            mean, sd = (p.mean - p.low) / width, p.sd / width
+            mean = float(to_unit([p], np.array([p.mean]))[0])
+            sd = p.sd / (p.high - p.low)
+            if p.log:
+                sd = p.sd / p.mean / math.log(p.high / p.low)
             normal[i] = truncnorm(-mean / sd, (1.0 - mean) / sd, loc=mean, scale=sd)
 
     def transform(u: Array) -> Array:
@@ -74,8 +85,9 @@ def prior_transform(parameters: Sequence[Parameter]) -> Callable[[Array], Array]
 
 
 def _ranges(parameters: Sequence[Parameter]) -> tuple[Array, Array]:
-    low = np.array([p.low for p in parameters])
-    return low, np.array([p.high for p in parameters]) - low
+    """Lower end and width (d,) of the ranges, or of their logarithms."""
+    low = _even(parameters, np.array([p.low for p in parameters]))
+    return low, _even(parameters, np.array([p.high for p in parameters])) - low
 
 
 def sample(
@@ -96,9 +108,11 @@ def sample(
     from dynesty import NestedSampler  # a second, which only this needs
 
     rng = np.random.default_rng(seed)
+    # Random walks from live points: ridges are thin, and uniform draws from ellipsoids miss them.
     sampler = NestedSampler(
-        log_likelihood, prior_transform(parameters), len(parameters), nlive=live, rstate=rng
-    )
+        log_likelihood, prior_transform(parameters), len(parameters),
+        nlive=live, sample="rwalk", bootstrap=0, rstate=rng,
+    )  # fmt: skip
     sampler.run_nested(dlogz=STOP, print_progress=False)
     results = sampler.results
     equal = results.samples_equal(rstate=rng)

@@ -16,6 +16,13 @@ class Rig(Protocol):
     def channels(self) -> Mapping[str, Channel]:
         """Series over time and numbers that a run gives, by name."""
 
+    @property
+    def unsure(self) -> Mapping[str, tuple[float, float]]:
+        """Ranges of parameters that are stated but not known exactly, by name.
+
+        They are fitted too, so that an error in them does not end up in the others.
+        """
+
     def parameter(self, name: str) -> RigParameter | None:
         """Range and unit of a parameter; None if the rig cannot know them.
 

@@ -36,6 +36,7 @@ class Found:
     interval: tuple[float, float]  # 90 %
     share: float  # width of the interval over that of the prior
     determined: bool
+    asked: bool  # False: left free because nobody knows it exactly
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +92,9 @@ def summary(
         name=case.name,
         parameters=_found(posterior, problem, prior),
         directions=_directions(posterior, prior),
-        correlation=np.corrcoef(posterior.draws.T).reshape(problem.dimension, -1).tolist(),
+        correlation=np.corrcoef(to_unit(case.parameters, posterior.draws).T)
+        .reshape(problem.dimension, -1)
+        .tolist(),
         log_evidence=posterior.log_evidence,
         misfit=fitted.misfit,
         freedom=fitted.freedom,
@@ -115,10 +118,11 @@ def _found(posterior: Posterior, problem: Problem, prior: Array) -> tuple[Found,
     tail = (1.0 - LEVEL) / 2.0
     before = np.diff(np.quantile(prior, [tail, 1.0 - tail], axis=0), axis=0)[0]
     found = []
+    after = np.diff(to_unit(posterior.parameters, posterior.interval().T), axis=0)[0]
     for i, (variable, (low, high)) in enumerate(
         zip(problem.variables, posterior.interval(), strict=True)
     ):
-        share = float((high - low) / (variable.upper - variable.lower) / before[i])
+        share = float(after[i] / before[i])
         found.append(
             Found(
                 variable.name,
@@ -130,6 +134,7 @@ def _found(posterior: Posterior, problem: Problem, prior: Array) -> tuple[Found,
                 (float(low), float(high)),
                 share,
                 share < DETERMINED,
+                posterior.parameters[i].asked,
             )
         )
     return tuple(found)
@@ -215,7 +220,11 @@ def in_words(its: Summary) -> list[str]:
         said = (
             f"{p.name} = {p.mean:.3g}{unit}, 90 % from {p.interval[0]:.3g} to {p.interval[1]:.3g}"
         )
-        lines.append(said if p.determined else f"{said}: not determined by these recordings")
+        if not p.asked:
+            said = f"{said} (left free, for it is not known exactly)"
+        elif not p.determined:
+            said = f"{said}: not determined by these recordings"
+        lines.append(said)
     lines += _combinations(its)
     if its.probability < MISFIT:
         lines.append(
@@ -235,7 +244,7 @@ def in_words(its: Summary) -> list[str]:
 
 def _combinations(its: Summary) -> list[str]:
     """Combinations that are known much better, or hardly at all, than single parameters say."""
-    if all(p.determined for p in its.parameters) or len(its.parameters) < 2:
+    if all(p.determined for p in its.parameters if p.asked) or len(its.parameters) < 2:
         return []
     lines = []
     for direction in its.directions:

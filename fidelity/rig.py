@@ -72,7 +72,8 @@ PARAMETERS: Mapping[str, tuple[RigParameter, Changed]] = {
         RigParameter(0.0, 0.5, "-", "numerical damping of the contacts"), _numeric("damping")
     ),
     "young_modulus": (
-        RigParameter(2e5, 5e7, "Pa", "of the simulated grains"), _numeric("young_modulus_pa")
+        RigParameter(2e5, 5e7, "Pa", "of the simulated grains", log=True),
+        _numeric("young_modulus_pa"),
     ),
 }  # fmt: skip
 
@@ -88,6 +89,15 @@ class SceneRig:
     numerics: Mapping[str, Any]  # of `DemSettings`, without the number of grains
     engine: Engine
     coarse: float = 1.0  # diameter of the simulated grains over the real one
+    stiffness_factor: float = 1.0  # by which the stated Young modulus may be wrong
+
+    @property
+    def unsure(self) -> Mapping[str, tuple[float, float]]:
+        """The Young modulus [Pa]: simulated grains are softer than real ones, by choice."""
+        if self.stiffness_factor == 1.0:
+            return {}
+        stated = float({**NUMERICS, **self.numerics}["young_modulus_pa"])
+        return {"young_modulus": (stated / self.stiffness_factor, stated * self.stiffness_factor)}
 
     @property
     def channels(self) -> Mapping[str, Channel]:

@@ -12,6 +12,7 @@ class Parameter:
     """A number of the simulation that the recordings are to determine, in the rig's unit.
 
     The prior is uniform over the range, or a normal distribution cut off at the ends of the range.
+    If `log`, both are of the logarithm: the mean is then the median, `sd` over it a relative one.
     """
 
     name: str
@@ -19,6 +20,8 @@ class Parameter:
     high: float
     mean: float | None = None  # of the normal prior; None: uniform
     sd: float | None = None
+    log: bool = False
+    asked: bool = True  # False: left free because nobody knows it exactly
 
 
 @dataclass(frozen=True, slots=True)

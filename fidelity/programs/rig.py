@@ -35,6 +35,11 @@ class ProgramRig:
     function: tuple[str, str] = ("", "")  # file and name
     time_limit_s: float = 3600.0
 
+    @property
+    def unsure(self) -> Mapping[str, tuple[float, float]]:
+        """None: what is fitted is the user's to say."""
+        return {}
+
     def parameter(self, name: str) -> RigParameter | None:
         """Nothing is known of the parameters of a program."""
         return None

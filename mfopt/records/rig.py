@@ -33,3 +33,4 @@ class RigParameter:
     high: float
     unit: str  # SI; "-" for a pure number
     meaning: str
+    log: bool = False  # its logarithm is what is spread evenly

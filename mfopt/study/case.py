@@ -2,13 +2,13 @@
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import Field
 
-from calibration.recordings.case import Case
+from calibration.recordings.case import Case, Parameter
 from calibration.recordings.case_file import complete_case
 from calibration.recordings.case_settings import read_case_settings
 from calibration.recordings.noise import measurement_noise
@@ -38,6 +38,7 @@ class SceneRigSettings(Settings):
     scene: str
     engine: DemName = "numba"
     coarse: float = Field(default=1.0, ge=1.0, le=10.0)  # diameter of simulated over real grains
+    stiffness_factor: float = Field(default=6.0, ge=1.0, le=100.0)  # by which E may be wrong
     grains: dict[str, Any] = Field(default_factory=dict)  # size and material, for all scenes
     level: dict[str, Any] = Field(default_factory=dict)  # numerics, as of a level of a study
     tables: dict[str, dict[str, Any]] = Field(default_factory=dict)  # of scenes, by name
@@ -65,11 +66,9 @@ def assemble_case(path: Path) -> AssembledCase:
     settings, text = read_case_settings(path)
     rig = _rig(settings.rig, path)
     case = complete_case(settings, path, rig.channels)
-    names = tuple(p.name for p in case.parameters)
-    units = []
-    for name in names:
-        its = rig.parameter(name)
-        units.append("-" if its is None else its.unit)
+    parameters, units = _parameters(case, rig, path)
+    case = replace(case, parameters=parameters)
+    names = tuple(p.name for p in parameters)
     ladder = Ladder(tuple(rig.level(r.name, r.conditions, names) for r in case.recordings))
     problem = Problem(
         tuple(
@@ -81,6 +80,30 @@ def assemble_case(path: Path) -> AssembledCase:
     channels = sorted({c for recording in case.recordings for c in recording.channels})
     noises = {c: measurement_noise(case.recordings, c, case.measurement.of(c)) for c in channels}
     return AssembledCase(case, rig, problem, ladder, noises, text, _meaning(path, case, text))
+
+
+def _parameters(case: Case, rig: Rig, path: Path) -> tuple[tuple[Parameter, ...], tuple[str, ...]]:
+    """The parameters of the case and those that the rig cannot know, and the unit of each.
+
+    Raises:
+        ConfigError: if a range is impossible.
+    """
+    found, units = [], []
+    for given in case.parameters:
+        its = rig.parameter(given.name)
+        if its is not None and its.log and given.low <= 0.0:
+            raise ConfigError(
+                f"{path}: parameters.{given.name}: range starts at {given.low:g}, which must be "
+                "above 0; its logarithm is fitted"
+            )
+        found.append(replace(given, log=its is not None and its.log))
+        units.append("-" if its is None else its.unit)
+    for name, (low, high) in rig.unsure.items():
+        its = rig.parameter(name)
+        if its is not None and name not in {p.name for p in found}:
+            found.append(Parameter(name, low, high, log=its.log, asked=False))
+            units.append(its.unit)
+    return tuple(found), tuple(units)
 
 
 class ChannelSettings(Settings):
@@ -136,7 +159,10 @@ def _scenes(table: Mapping[str, Any], where: str) -> SceneRig:
             )
     engine = engine_named(its.engine)
     engine.version()
-    return SceneRig(RIG_SCENES, its.scene, its.tables, its.grains, its.level, engine, its.coarse)
+    return SceneRig(
+        RIG_SCENES, its.scene, its.tables, its.grains, its.level, engine,
+        its.coarse, its.stiffness_factor,
+    )  # fmt: skip
 
 
 def _meaning(path: Path, case: Case, text: str) -> dict[str, Any]:

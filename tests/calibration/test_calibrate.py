@@ -136,9 +136,9 @@ def test_a_simulator_that_mostly_fails_is_named() -> None:
 
 def test_too_few_runs_are_refused_with_the_least_number() -> None:
     case = case_of(frozen([0.35, 0.03]), 1)
-    with pytest.raises(ConfigError, match="at least 50"):
-        runs_of_each(case, 49)
-    assert runs_of_each(case, 50) == 16
+    with pytest.raises(ConfigError, match="at least 41"):
+        runs_of_each(case, 40)
+    assert runs_of_each(case, 41) == 16
 
 
 def test_a_calibration_repeats_bit_for_bit(campaigns: list[Campaign], truths: list[Array]) -> None:

@@ -37,9 +37,11 @@ def done(case: Path) -> Path:
 
 def test_it_tells_parameters_directions_and_comparisons(done: Path) -> None:
     told = json.loads((done / "calibration.json").read_text())
-    friction, restitution = told["parameters"]
+    friction, restitution, stiffness = told["parameters"]
     assert friction["low"] <= friction["interval"][0] < friction["interval"][1] <= friction["high"]
     assert restitution["determined"] is (restitution["share"] < 0.5)
+    assert stiffness["name"] == "young_modulus"
+    assert not stiffness["asked"]
     assert told["runs"] == 50
     assert {c["held_out"] for c in told["compared"]} == {True, False}
 
