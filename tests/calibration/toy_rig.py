@@ -44,6 +44,7 @@ class Tank:
     """Implements `calibration.rig.Rig`."""
 
     channels: ClassVar = {"level": Channel("level", "m", 1.0)}
+    unsure: ClassVar[Mapping[str, tuple[float, float]]] = {}
 
     def parameter(self, name: str) -> RigParameter:
         known = {"rate": RigParameter(0.0, 1.0, "-", "of the head"),
