@@ -4,14 +4,14 @@ import json
 import math
 import re
 import shutil
-import subprocess
-import sys
 import tomllib
 from pathlib import Path
 
 import pytest
 from campaigns import STUDY
+from typer.testing import CliRunner
 
+from mfopt.commands.app import app
 from mfopt.search.search import Stage
 from mfopt.settings import checked
 from mfopt.study.file import Study
@@ -20,12 +20,14 @@ ROOT = Path(__file__).parent.parent.parent
 README = (ROOT / "README.md").read_text()
 
 
+@pytest.fixture(autouse=True)
+def _at_the_root(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+
+
 def mfopt(*arguments: str | Path) -> str:
-    done = subprocess.run(
-        [sys.executable, "-m", "mfopt", *map(str, arguments)],
-        capture_output=True, text=True, check=False, cwd=ROOT,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
+    done = CliRunner().invoke(app, list(map(str, arguments)))
+    assert done.exit_code == 0, done.output
     return done.stdout
 
 
