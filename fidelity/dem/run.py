@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -18,6 +18,8 @@ from fidelity.samples import Sampling, begin, look, series
 from mfopt.arrays import Array
 
 LOOK_S = 1e-3  # [s] simulated between two looks at the grains
+# The time limit is checked after so many sphere-steps, about half a second, however short a step.
+PIECE = 1_000_000
 LOOKS_PER_GROUPING = 5  # then grains that have left are taken out, and the others sorted by place
 
 # A run is broken when more energy has come from nowhere than this share of what was turned over
@@ -53,11 +55,15 @@ def run(setup: Setup, dt: float, time_limit_s: float) -> Movement:
         )
     last = math.ceil(setup.duration / dt)
     spheres_moved, timed_out = 0.0, False
+
+    def out_of_time() -> bool:
+        return time.monotonic() - began > time_limit_s
+
     looks, per_look = 0, 1  # the first look only measures the energy at the start
     while state.counts[at.STEP] < last and state.counts[at.GRAINS] and watch.why is None:
         steps = min(per_look, last - int(state.counts[at.STEP]))
         before = int(state.counts[at.STEP])
-        tables = take_steps(tables, steps)
+        tables = take_steps(tables, steps, out_of_time)
         spheres_moved += float((state.counts[at.STEP] - before) * _spheres(tables))
         per_look = max(1, int(LOOK_S / dt))
         examine(setup, tables, watch)
@@ -69,7 +75,7 @@ def run(setup: Setup, dt: float, time_limit_s: float) -> Movement:
         take_snapshots(tables, watch, now)
         if ends_early(setup, tables, watch, now):
             break
-        if time.monotonic() - began > time_limit_s:
+        if out_of_time():
             timed_out = True
             watch.why = f"not ready within the time limit of {time_limit_s:g} s"
     return _movement(setup, tables, watch, spheres_moved, timed_out, time.thread_time() - cpu)
@@ -86,14 +92,20 @@ def load_kernel(tables: Tables) -> tuple[float, float]:
     return time.monotonic() - wall, time.thread_time() - cpu
 
 
-def take_steps(tables: Tables, steps: int) -> Tables:
-    """Take steps; the tables come back, some of them longer if they were too short."""
-    while steps:
-        taken, wanted = advance(tables, steps)
+def take_steps(tables: Tables, steps: int, out_of_time: Callable[[], bool]) -> Tables:
+    """Take steps, fewer if the time is up.
+
+    Returns:
+        the tables, some of them longer if they were too short.
+    """
+    piece = max(1, PIECE // max(1, _spheres(tables)))
+    while steps and tables.state.counts[at.GRAINS]:
+        taken, wanted = advance(tables, min(steps, piece))
         steps -= taken
-        if wanted == DONE:
+        if wanted != DONE:
+            tables = with_more_room(tables, wanted)
+        elif out_of_time():
             break
-        tables = with_more_room(tables, wanted)
     return tables
 
 

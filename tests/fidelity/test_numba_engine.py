@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numba
 import pytest
+from engine_scenes import pile_in_box
 from numba.core.event import install_listener
 
 from fidelity.engines.numba import NumbaEngine, first_only, prepare
@@ -59,3 +60,10 @@ def test_numba_is_not_loaded_before_it_is_used(module: str) -> None:
     look = f"import sys, {module}; print('numba' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", look], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["False"]
+
+
+def test_the_time_limit_ends_a_run_however_short_its_step() -> None:
+    setup = pile_in_box(duration=1.0)
+    movement = NumbaEngine(fixed_timestep=1e-14).move(setup, time_limit_s=0.1)
+    assert movement.status == "timed_out"
+    assert 0 < movement.sphere_steps < 2e7  # of 2e13 to the first look
