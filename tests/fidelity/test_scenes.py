@@ -15,7 +15,7 @@ from mfopt.errors import ConfigError
 from mfopt.study.assemble import SCENES, assemble
 from mfopt.study.file import read_study
 
-COARSE = DemSettings(grains=60, spheres_per_grain=1, time_limit_s=60)
+COARSE = DemSettings(grains=150, spheres_per_grain=1, time_limit_s=60)
 NAMES = list(SCENES)
 
 
