@@ -1,0 +1,106 @@
+"""Do fits find the parameters that recordings were made with?
+
+    python -m benchmarks.calibration.recovery fit [--experiments 1-20] [--soft 1-10] [--runs 200]
+    python -m benchmarks.calibration.recovery report
+
+The experiments are those of `benchmarks.calibration.experiments`. All fits share the runs that
+spread the parameters over their ranges. What was run or fitted once is not done again; `--work` is
+where the runs are kept.
+"""
+
+import argparse
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks import lines
+from benchmarks.calibration.experiments import CHANNELS, SETTINGS, Experiment, chosen, write_case
+from benchmarks.calibration.kept_runs import KeptRuns, kept_runs
+from calibration.campaign import calibrate
+from calibration.posterior import to_unit
+from calibration.summary import summary
+from mfopt.study.case import assemble_case
+
+FOUND = Path(__file__).parent / "results" / "recovery.jsonl"
+WORK = Path("runs") / "calibration-benchmark"
+RUNS = 200
+PREDICTED = 6  # runs for each recording beside those that fit
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Fit or report, as the command line says."""
+    parser = argparse.ArgumentParser(prog="recovery", description="fits of known experiments")
+    commands = parser.add_subparsers(required=True)
+    fit = commands.add_parser("fit", help="fit experiments")
+    fit.add_argument("--experiments", nargs="*", default=["1-20"])
+    fit.add_argument("--soft", nargs="*", default=["1-10"])
+    fit.add_argument("--runs", type=int, default=RUNS)
+    fit.add_argument("--jobs", type=int, default=2)
+    fit.add_argument("--work", type=Path, default=WORK)
+    fit.set_defaults(do=_fit)
+    told = commands.add_parser("report", help="print how often the truth was found")
+    told.set_defaults(do=lambda given: print("\n".join(report())))
+    given = parser.parse_args(arguments)
+    given.do(given)
+    return 0
+
+
+def _fit(given: argparse.Namespace) -> None:
+    there = {(line["name"], line["runs"]) for _, line in lines.read(FOUND)}
+    with kept_runs(given.work / "runs.jsonl", CHANNELS, given.jobs) as kept:
+        for experiment in chosen(given.experiments, given.soft):
+            if (experiment.name, given.runs) not in there:
+                line = fitted(experiment, given.runs, given.work, kept)
+                lines.append(FOUND, line)
+                print(_shown(line), flush=True)
+
+
+def fitted(experiment: Experiment, runs: int, work: Path, kept: KeptRuns) -> dict[str, Any]:
+    """Fit one experiment; `runs` are those of a case that has held-out recordings too."""
+    parts = assemble_case(write_case(experiment, work / experiment.name))
+    # Equally many runs for each fitted recording, so that experiments share them.
+    runs -= PREDICTED * (len(SETTINGS) - len(experiment.settings))
+    begun, before = time.process_time(), len(kept.there)
+    campaign = calibrate(parts.case, parts.noises, lambda c: kept.evaluate(c, parts.ladder), runs)
+    cpu_s = time.process_time() - begun
+    its = summary(campaign, parts.case, parts.problem, parts.noises)
+    truth = to_unit(parts.case.parameters, np.append(experiment.truth, experiment.stiffness))
+    draws = to_unit(parts.case.parameters, campaign.fitted.posterior.draws)
+    return {
+        "name": experiment.name, "kind": experiment.kind, "runs": its.runs,
+        "truth": experiment.truth.tolist(),
+        "rank": (draws < truth).mean(axis=0).round(4).tolist(),
+        "found": [
+            {"mean": round(p.mean, 4), "share": round(p.share, 3), "determined": p.determined}
+            for p in its.parameters
+        ],
+        "misfit": round(its.misfit, 1), "freedom": its.freedom,
+        "compared": [
+            {"recording": c.recording, "channel": c.channel, "held_out": c.held_out,
+             "error": round(c.error, 3)}
+            for c in its.compared
+        ],
+        "new_runs": len(kept.there) - before, "runs_cpu_s": round(its.cpu_s, 1),
+        "fit_cpu_s": round(cpu_s, 1),
+    }  # fmt: skip
+
+
+def _shown(line: Mapping[str, Any]) -> str:
+    ranks = " ".join(
+        f"{r:.2f}({f['share']:.2f})" for r, f in zip(line["rank"], line["found"], strict=True)
+    )
+    errors = " ".join(f"{c['error']:.2f}" for c in line["compared"])
+    return f"{line['name']} ranks(shares) {ranks} misfit {line['misfit']}/{line['freedom']} errors {errors} fit {line['fit_cpu_s']} s"
+
+
+def report() -> list[str]:
+    """What the fits found, in lines."""
+    return [_shown(line) for _, line in lines.read(FOUND)]
+
+
+if __name__ == "__main__":
+    sys.exit(main())
