@@ -6,7 +6,7 @@ itself: under the conditions of the fitted recordings to verify the emulators, u
 others to predict them.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,26 +14,28 @@ from scipy.stats import qmc
 
 from calibration.likelihood import EVERY_PART, Parts, likelihood
 from calibration.observed import Observed, observed
-from calibration.posterior import LIVE, Posterior, from_unit, prior_transform, sample, to_unit
-from calibration.recordings.case import Case, Parameter
-from calibration.recordings.records import Noise, Recording
-from mfopt.arrays import Array
-from mfopt.errors import ConfigError, SimulationError
-from mfopt.records.evaluation import Candidate, Evaluation, Purpose
-from mfopt.records.rig import TIME
+from calibration.posterior import LIVE, Posterior, prior_transform, sample, to_unit
+from calibration.recordings.case import Case
+from calibration.recordings.records import Noise
+from calibration.runs import (
+    FEWEST_PREDICTED,
+    Evaluate,
+    Predicted,
+    candidates,
+    end_of,
+    finished,
+    predicted,
+    predictions_of_each,
+)
+from mfopt.errors import ConfigError
+from mfopt.records.evaluation import Candidate, Evaluation
 from surrogates.series import SeriesEmulator, fit_series
 
 FIRST = 0.6  # of the runs that the emulators learn from are spread over the ranges
 REPLICATED = 0.25  # of these parameters run twice
-PREDICTED = 6  # runs of the posterior for each recording, where they cost less than this share:
-SPARED = 0.25  # of all runs
-FEWEST_PREDICTED = 3
 FEWEST = 16  # runs that an emulator needs, before the posterior is run
 WIDER = 1.5  # times as wide as the posterior are the later parameters drawn
 ROUGH = 40  # points of the sampler that decides where the later runs are
-MOST_FAILED = 0.5  # of the runs of a recording
-
-Evaluate = Callable[[Sequence[Candidate]], list[Evaluation]]  # runs, stores, resumes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,16 +47,6 @@ class Fitted:
     posterior: Posterior
     misfit: float  # of the best parameters: chi-squared
     freedom: int  # its degrees of freedom
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Predicted:
-    """A recording beside runs of the posterior."""
-
-    observation: Observed
-    runs: Array  # (n, p) one run each, on a packing and parameters of its own
-    parameters: Array  # (n, d)
-    held_out: bool
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,10 +85,9 @@ def calibrate(
     later = _refined(case, first.posterior, each - spread, len(made))
     made += evaluate(later)
     fitted = fit(case, noises, made, parts)
-    count = predictions_of_each(case, runs)
-    last = evaluate(_predictions(case, fitted.posterior, count, len(made)))
-    predicted = tuple(_predicted(case, recording, noises, last) for recording in case.recordings)
-    return Campaign(fitted, predicted, (*made, *last))
+    z = to_unit(case.parameters, fitted.posterior.draws)
+    beside, last = predicted(case, noises, evaluate, z, predictions_of_each(case, runs), len(made))
+    return Campaign(fitted, beside, (*made, *last))
 
 
 def runs_of_each(case: Case, runs: int) -> int:
@@ -117,11 +108,6 @@ def runs_of_each(case: Case, runs: int) -> int:
     return each
 
 
-def predictions_of_each(case: Case, runs: int) -> int:
-    """Runs of the posterior for each recording."""
-    return max(FEWEST_PREDICTED, min(PREDICTED, int(SPARED * runs / len(case.recordings))))
-
-
 def fit(
     case: Case,
     noises: Mapping[str, Noise],
@@ -132,8 +118,8 @@ def fit(
     """Emulators, likelihood and posterior from the runs made so far."""
     observations, emulators = [], []
     for recording in case.fitted:
-        its = _finished(made, recording)
-        seen = observed(recording, case.measurement, noises, _end(its))
+        its = finished(made, recording)
+        seen = observed(recording, case.measurement, noises, end_of(its))
         rows = np.array([seen.row(e.outcome.raw) for e in its])
         z = to_unit(case.parameters, np.array([e.candidate.x for e in its]))
         observations.append(seen)
@@ -144,38 +130,6 @@ def fit(
     misfit = float(residual @ np.linalg.solve(covariance, residual))
     freedom = max(1, len(residual) - len(case.parameters))
     return Fitted(tuple(observations), tuple(emulators), posterior, misfit, freedom)
-
-
-def _finished(made: Sequence[Evaluation], recording: Recording) -> list[Evaluation]:
-    """The finished runs under the conditions of a recording, with values of all its channels.
-
-    Raises:
-        SimulationError: if most failed; with the last reason.
-    """
-    all_of_it = [e for e in made if e.candidate.level == recording.name]
-    flaws = [_flaw(e, recording.channels) for e in all_of_it]
-    its = [e for e, flaw in zip(all_of_it, flaws, strict=True) if flaw is None]
-    if len(its) < MOST_FAILED * len(all_of_it):
-        why = next(flaw for flaw in reversed(flaws) if flaw is not None)
-        raise SimulationError(
-            f"recording {recording.name!r}: {len(all_of_it) - len(its)} of {len(all_of_it)} runs "
-            f"failed, the last because {why}"
-        )
-    return its
-
-
-def _flaw(its: Evaluation, channels: Iterable[str]) -> str | None:
-    """Why a run cannot be compared with a recording of these channels, or None."""
-    if not its.outcome.finished:
-        return its.outcome.why
-    lacking = [channel for channel in channels if channel not in its.outcome.raw]
-    return f"it gives no {lacking[0]}" if lacking else None
-
-
-def _end(made: Sequence[Evaluation]) -> float:
-    """The end of the shortest run [s]; 1 where runs give no series."""
-    ends = [float(e.outcome.raw[TIME][-1]) for e in made if TIME in e.outcome.raw]
-    return min(ends, default=1.0)
 
 
 def _spread(case: Case, each: int) -> list[Candidate]:
@@ -189,7 +143,7 @@ def _spread(case: Case, each: int) -> list[Candidate]:
         z = np.array([transform(u) for u in cube])
         z = np.vstack([z, z[: each - new]])
         points.append((recording, z))
-    return _candidates(case.parameters, points, 0, "design")
+    return candidates(case.parameters, points, 0, "design")
 
 
 def _refined(case: Case, posterior: Posterior, each: int, first: int) -> list[Candidate]:
@@ -202,43 +156,4 @@ def _refined(case: Case, posterior: Posterior, each: int, first: int) -> list[Ca
         chosen = z[rng.integers(0, len(z), new)]
         chosen = np.clip(z.mean(axis=0) + WIDER * (chosen - z.mean(axis=0)), 0.0, 1.0)
         points.append((recording, np.vstack([chosen, chosen[: each - new]])))
-    return _candidates(case.parameters, points, first, "refine")
-
-
-def _predictions(case: Case, posterior: Posterior, count: int, first: int) -> list[Candidate]:
-    """Draws of the posterior under the conditions of every recording."""
-    rng = np.random.default_rng([case.seed, 2000])
-    z = to_unit(case.parameters, posterior.draws)
-    points = [(r, z[rng.integers(0, len(z), count)]) for r in case.recordings]
-    return _candidates(case.parameters, points, first, "predict")
-
-
-def _candidates(
-    parameters: Sequence[Parameter],
-    points: Sequence[tuple[Recording, Array]],
-    first: int,
-    purpose: Purpose,
-) -> list[Candidate]:
-    """One run a point, each on a packing of its own; the recordings in turn."""
-    made: list[Candidate] = []
-    for row in range(max(len(z) for _, z in points)):
-        for recording, z in points:
-            if row < len(z):
-                index = first + len(made)
-                x = np.clip(
-                    from_unit(parameters, z[row]),
-                    [p.low for p in parameters],
-                    [p.high for p in parameters],
-                )
-                made.append(Candidate(index, x, recording.name, index + 1, 0, purpose))
-    return made
-
-
-def _predicted(
-    case: Case, recording: Recording, noises: Mapping[str, Noise], last: Sequence[Evaluation]
-) -> Predicted:
-    its = _finished(last, recording)
-    seen = observed(recording, case.measurement, noises, _end(its))
-    rows = np.array([seen.row(e.outcome.raw) for e in its])
-    x = np.array([e.candidate.x for e in its])
-    return Predicted(seen, rows, x, recording.held_out)
+    return candidates(case.parameters, points, first, "refine")

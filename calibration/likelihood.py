@@ -11,13 +11,14 @@ Each part can be left out (`Parts`).
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from calibration.observed import Observed
 from mfopt.arrays import Array, frozen
+from mfopt.errors import ConfigError
 from surrogates.series import SeriesEmulator
 
 # The engine `numba` differs from YADE by up to 0.5 of the scatter of one run: `docs/engine`.
@@ -40,6 +41,21 @@ class Parts:
 
 
 EVERY_PART = Parts()
+
+
+def parts_without(names: Sequence[str]) -> Parts:
+    """Every error but these.
+
+    Raises:
+        ConfigError: if there is no such error.
+    """
+    known = [f.name for f in fields(Parts)]
+    for name in names:
+        if name not in known:
+            raise ConfigError(f"there is no error {name!r}; choose from {', '.join(known)}")
+    kept = {name: name not in names for name in known}
+    allowance = ALLOWANCE if kept.pop("allowance") else 0.0
+    return Parts(**kept, allowance=allowance)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 from scipy.stats import chi2
 
-from calibration.campaign import Campaign, Fitted, Predicted
+from calibration.campaign import Campaign, Fitted
 from calibration.posterior import LEVEL, Posterior, prior_transform, to_unit
 from calibration.recordings.case import Case
 from calibration.recordings.records import Noise
+from calibration.runs import Predicted
 from mfopt.arrays import Array
 from mfopt.records.problem import Problem
 
@@ -99,7 +100,7 @@ def summary(
         misfit=fitted.misfit,
         freedom=fitted.freedom,
         probability=float(chi2.sf(fitted.misfit, fitted.freedom)),
-        compared=tuple(c for p in campaign.predicted for c in _compared(p, _scatter(fitted))),
+        compared=tuple(c for p in campaign.predicted for c in compared(p, _scatter(fitted))),
         noise={name: asdict(noise) for name, noise in noises.items()},
         runs=len(outcomes),
         failed=sum(not outcome.finished for outcome in outcomes),
@@ -173,7 +174,8 @@ def _variance(rows: Array, other: float | None) -> Array:
     return np.asarray(own * pooled / own.mean())
 
 
-def _compared(its: Predicted, scatter: Mapping[str, float]) -> list[Compared]:
+def compared(its: Predicted, scatter: Mapping[str, float]) -> list[Compared]:
+    """The channels of a recording beside its runs; `scatter` is the variance of one by channel."""
     seen, n = its.observation, len(its.runs)
     mean = its.runs.mean(axis=0)
     channels = seen.split(its.runs)
@@ -232,14 +234,18 @@ def in_words(its: Summary) -> list[str]:
             f"of freedom has probability {its.probability:.1g}. The values above are those of a "
             "wrong model."
         )
-    for c in its.compared:
-        kind = "held out" if c.held_out else "fitted"
-        lines.append(
-            f"{c.recording}, {c.channel} ({kind}): error {c.error:.2f} times what noise and "
-            "packing explain"
-        )
+    lines += [error_in_words(c) for c in its.compared]
     lines.append(f"{its.runs} simulations, {its.failed} failed, {its.cpu_s:.0f} s of CPU")
     return lines
+
+
+def error_in_words(its: Compared) -> str:
+    """How far simulations are from a recording."""
+    kind = "held out" if its.held_out else "fitted"
+    return (
+        f"{its.recording}, {its.channel} ({kind}): error {its.error:.2f} times what noise and "
+        "packing explain"
+    )
 
 
 def _combinations(its: Summary) -> list[str]:

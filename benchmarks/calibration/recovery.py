@@ -94,7 +94,8 @@ def _shown(line: Mapping[str, Any]) -> str:
         f"{r:.2f}({f['share']:.2f})" for r, f in zip(line["rank"], line["found"], strict=True)
     )
     errors = " ".join(f"{c['error']:.2f}" for c in line["compared"])
-    return f"{line['name']} ranks(shares) {ranks} misfit {line['misfit']}/{line['freedom']} errors {errors} fit {line['fit_cpu_s']} s"
+    misfit = f"{line['misfit']}/{line['freedom']}"
+    return f"{line['name']} {ranks} misfit {misfit} errors {errors} fit {line['fit_cpu_s']} s"
 
 
 def report() -> list[str]:

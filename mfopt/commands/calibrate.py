@@ -1,6 +1,8 @@
 """`mfopt calibrate`: fit the parameters of a simulation to recordings."""
 
 import os
+from collections.abc import Mapping
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -21,9 +23,21 @@ from mfopt.records.objective import Criteria
 from mfopt.study.stored import CALIBRATE
 
 if TYPE_CHECKING:
+    from calibration.likelihood import Parts
+    from calibration.runs import Evaluate
     from mfopt.study.case import AssembledCase
 
 RUNS = 200
+# The errors that a fit allows for; calibration.likelihood.Parts has the same names.
+PARTS = ("packing", "measurement", "emulator", "constant", "clock", "allowance")
+RESULT = {"posterior": "calibration.json", "lbfgsb": "least-squares.json"}
+
+
+class Method(StrEnum):
+    """How parameters are fitted."""
+
+    POSTERIOR = "posterior"
+    LBFGSB = "lbfgsb"
 
 
 def calibrate(
@@ -33,22 +47,28 @@ def calibrate(
     workers: Annotated[
         int | None, typer.Option(help="worker processes; one a core if left out", min=1)
     ] = None,
+    method: Annotated[
+        Method, typer.Option(help="posterior: with intervals; lbfgsb: least squares, to compare")
+    ] = Method.POSTERIOR,
+    leave_out: Annotated[
+        list[str] | None, typer.Option(help=f"an error that shall not count: {', '.join(PARTS)}")
+    ] = None,
     resume: Resume = False,
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
     """Fit the parameters of a simulation to recordings, with what the recordings cannot tell."""
-    from calibration.campaign import calibrate as fitted_to
     from calibration.campaign import runs_of_each
-    from calibration.summary import as_json as told
-    from calibration.summary import in_words, summary
+    from calibration.likelihood import parts_without
     from fidelity.engines.numba import prepare
     from fidelity.rig import SceneRig
     from mfopt.study.case import COMPARED, assemble_case  # half a second, which only this needs
 
     on = console(quiet=quiet or as_json)
     parts = assemble_case(case_file)
-    runs_of_each(parts.case, runs)
+    errors = parts_without(leave_out or ())
+    if method is Method.POSTERIOR:
+        runs_of_each(parts.case, runs)
     for recording in parts.case.recordings:
         for repeat in recording.repeats:
             for note in repeat.notes:
@@ -59,7 +79,8 @@ def calibrate(
     with full_disk_named(path), writing(path):
         if isinstance(parts.rig, SceneRig):
             prepare(lambda: on.print("compiling the grain engine, once: about 30 s"))
-        now = _header(parts, COMPARED, runs, count)
+        meant = {"runs": runs, "method": method.value, "left out": sorted(leave_out or ())}
+        now = _header(parts, COMPARED, meant, count)
         into = begin(path, parts.text, now, resume=resume, criteria=COMPARED)
         columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(),
                    TimeRemainingColumn())  # fmt: skip
@@ -72,30 +93,45 @@ def calibrate(
 
             driver = Driver(parts.problem, Memory(into), runner, count, watch, {})
             try:
-                campaign = fitted_to(
-                    parts.case,
-                    parts.noises,
+                result, words = _found(
+                    parts,
                     lambda candidates: driver.evaluate(candidates, parts.ladder, "none"),
-                    runs,
-                )
+                    runs, method, errors,
+                )  # fmt: skip
             finally:
                 runner.close()
         if into.end is None:
             into.add_end("all planned runs are made")
-        result = summary(campaign, parts.case, parts.problem, parts.noises)
-        write_aside(path / "calibration.json", told(result).encode())
+        write_aside(path / RESULT[method], result.encode())
     if as_json:
-        typer.echo(told(result))
+        typer.echo(result)
     else:
-        for line in in_words(result):
+        for line in words:
             on.print(line)
 
 
+def _found(
+    parts: "AssembledCase", evaluate: "Evaluate", runs: int, method: Method, errors: "Parts"
+) -> tuple[str, list[str]]:
+    """The result of a fit as JSON and in words."""
+    from calibration.campaign import calibrate as fitted_to
+    from calibration.least_squares import fit_least_squares, least_squares_summary
+    from calibration.summary import as_json, in_words, summary
+
+    if method is Method.LBFGSB:
+        found = fit_least_squares(parts.case, parts.noises, evaluate, runs)
+        its = least_squares_summary(found, parts.case)
+        return its.as_json, its.in_words
+    campaign = fitted_to(parts.case, parts.noises, evaluate, runs, errors)
+    result = summary(campaign, parts.case, parts.problem, parts.noises)
+    return as_json(result), in_words(result)
+
+
 def _header(
-    parts: "AssembledCase", criteria: Criteria, runs: int, workers: int
+    parts: "AssembledCase", criteria: Criteria, meant: Mapping[str, object], workers: int
 ) -> dict[str, object]:
     return header(
         parts.problem, parts.ladder, name=parts.case.name, seed=parts.case.seed,
         method=CALIBRATE, objective="none", criteria=criteria, workers=workers,
-        settings={"runs": runs, **parts.meaning},
+        settings={**meant, **parts.meaning},
     )  # fmt: skip

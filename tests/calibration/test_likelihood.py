@@ -1,12 +1,16 @@
 """The posterior of a linear simulator with Gaussian errors has a closed form."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from test_calibrate import PARAMETERS
 
+from calibration.likelihood import EVERY_PART, parts_without
 from calibration.posterior import from_unit, prior_transform, sample, to_unit
 from calibration.recordings.case import Parameter
 from mfopt.arrays import Array
+from mfopt.errors import ConfigError
 
 
 def test_nested_sampling_finds_a_gaussian_posterior_and_its_evidence() -> None:
@@ -33,3 +37,19 @@ def test_a_normal_prior_is_cut_at_the_range() -> None:
 def test_units_are_inverse() -> None:
     x = np.array([[0.2, 0.01], [0.6, 0.1]])
     assert from_unit(PARAMETERS, to_unit(PARAMETERS, x)) == pytest.approx(x)
+
+
+def test_errors_are_left_out_by_name() -> None:
+    parts = parts_without(["clock", "allowance"])
+    assert parts == replace(EVERY_PART, clock=False, allowance=0.0)
+    with pytest.raises(ConfigError, match="'clok'; choose from packing"):
+        parts_without(["clok"])
+
+
+def test_a_logarithmic_parameter_is_spread_by_its_logarithm() -> None:
+    its = [Parameter("e", 1e5, 1e7, log=True), Parameter("a", 0.0, 2.0)]
+    x = from_unit(its, np.array([[0.5, 0.5], [1.0, 0.25]]))
+    assert x == pytest.approx(np.array([[1e6, 1.0], [1e7, 0.5]]))
+    assert to_unit(its, x) == pytest.approx(np.array([[0.5, 0.5], [1.0, 0.25]]))
+    median = prior_transform([replace(its[0], mean=1e6, sd=3e5)])(np.array([0.5]))
+    assert median == pytest.approx([0.5])
