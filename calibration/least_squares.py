@@ -26,10 +26,12 @@ from calibration.runs import (
     predicted,
     predictions_of_each,
 )
-from calibration.summary import Compared, compared, error_in_words
+from calibration.summary import compared, error_in_words
 from mfopt.arrays import Array, frozen
 from mfopt.errors import ConfigError, SimulationError
+from mfopt.records.calibration import Compared
 from mfopt.records.evaluation import Evaluation
+from mfopt.records.rig import Channel
 
 FAILED = 1e3  # square of parameters that cannot be run
 STEP = 0.05  # of each range, for the gradient: smaller ones drown in the noise of packings
@@ -192,7 +194,9 @@ class LeastSquaresSummary:
         ]
 
 
-def least_squares_summary(its: LeastSquares, case: Case) -> LeastSquaresSummary:
+def least_squares_summary(
+    its: LeastSquares, case: Case, channels: Mapping[str, Channel]
+) -> LeastSquaresSummary:
     """Sum up a fit."""
     outcomes = [e.outcome for e in its.evaluations]
     names = [p.name for p in case.parameters]
@@ -200,7 +204,7 @@ def least_squares_summary(its: LeastSquares, case: Case) -> LeastSquaresSummary:
         name=case.name,
         parameters=dict(zip(names, map(float, its.best), strict=True)),
         squares=its.squares,
-        compared=tuple(c for p in its.predicted for c in compared(p, {})),
+        compared=tuple(c for p in its.predicted for c in compared(p, {}, channels)),
         runs=len(outcomes),
         failed=sum(not outcome.finished for outcome in outcomes),
         cpu_s=sum(outcome.cpu_s for outcome in outcomes),

@@ -1,9 +1,7 @@
 """What a calibration found, as numbers for reports and JSON, and in words."""
 
-import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 from scipy.stats import chi2
@@ -11,10 +9,12 @@ from scipy.stats import chi2
 from calibration.campaign import Campaign, Fitted
 from calibration.posterior import LEVEL, Posterior, prior_transform, to_unit
 from calibration.recordings.case import Case
-from calibration.recordings.records import Noise
+from calibration.recordings.records import Noise, Recording
 from calibration.runs import Predicted
 from mfopt.arrays import Array
+from mfopt.records.calibration import Compared, Direction, Found, Measured, Recorded, Summary
 from mfopt.records.problem import Problem
+from mfopt.records.rig import Channel
 
 DETERMINED = 0.5  # of the prior's interval: a narrower posterior says something
 WELL_DETERMINED = 0.25  # of the prior's standard deviation, of a combination
@@ -22,89 +22,61 @@ NAMED = 0.2  # of the largest weight: smaller ones are left out of a combination
 MISFIT = 0.01  # probability of a larger misfit, below which a fit is doubtful
 FIT_COUNTS = 10  # runs, as which the scatter of the fitted recordings counts
 PRIOR_DRAWS = 4000
-
-
-@dataclass(frozen=True, slots=True)
-class Found:
-    """One parameter."""
-
-    name: str
-    unit: str
-    low: float  # of the range
-    high: float
-    best: float
-    mean: float
-    interval: tuple[float, float]  # 90 %
-    share: float  # width of the interval over that of the prior
-    determined: bool
-    asked: bool  # False: left free because nobody knows it exactly
-
-
-@dataclass(frozen=True, slots=True)
-class Direction:
-    """A combination of parameters, by how much the recordings narrow it."""
-
-    weights: Mapping[str, float]  # by parameter, in standard deviations of the prior
-    ratio: float  # standard deviation of the posterior over that of the prior
-
-
-@dataclass(frozen=True, slots=True)
-class Compared:
-    """A channel of a recording beside the simulations of the posterior."""
-
-    recording: str
-    held_out: bool
-    channel: str
-    times: list[float] | None  # [s]; None for a number
-    recorded: list[float]
-    simulated: list[float]  # mean
-    low: list[float]  # 90 % of single runs
-    high: list[float]
-    error: float  # rms of recorded less simulated, over what noise and packing explain
-
-
-@dataclass(frozen=True, slots=True)
-class Summary:
-    """A whole calibration."""
-
-    name: str
-    parameters: tuple[Found, ...]
-    directions: tuple[Direction, ...]  # the best determined first
-    correlation: list[list[float]]
-    log_evidence: float
-    misfit: float
-    freedom: int
-    probability: float  # of a larger misfit if the model is right
-    compared: tuple[Compared, ...]
-    noise: Mapping[str, Mapping[str, Any]]
-    runs: int
-    failed: int
-    cpu_s: float
+DRAWS = 500  # of the posterior that the summary keeps
 
 
 def summary(
-    campaign: Campaign, case: Case, problem: Problem, noises: Mapping[str, Noise]
+    campaign: Campaign,
+    case: Case,
+    problem: Problem,
+    noises: Mapping[str, Noise],
+    channels: Mapping[str, Channel],
 ) -> Summary:
     """Sum up a calibration."""
     fitted = campaign.fitted
     posterior, outcomes = fitted.posterior, [e.outcome for e in campaign.evaluations]
     prior = _prior_draws(case)
-    return Summary(
+    probability = float(chi2.sf(fitted.misfit, fitted.freedom))
+    made = Summary(
         name=case.name,
         parameters=_found(posterior, problem, prior),
         directions=_directions(posterior, prior),
+        combinations=[],
         correlation=np.corrcoef(to_unit(case.parameters, posterior.draws).T)
         .reshape(problem.dimension, -1)
         .tolist(),
+        draws=posterior.draws[:DRAWS].tolist(),
         log_evidence=posterior.log_evidence,
         misfit=fitted.misfit,
         freedom=fitted.freedom,
-        probability=float(chi2.sf(fitted.misfit, fitted.freedom)),
-        compared=tuple(c for p in campaign.predicted for c in compared(p, _scatter(fitted))),
-        noise={name: asdict(noise) for name, noise in noises.items()},
+        probability=probability,
+        fits=probability >= MISFIT,
+        recordings=tuple(map(_recorded, case.recordings)),
+        compared=tuple(
+            c for p in campaign.predicted for c in compared(p, _scatter(fitted), channels)
+        ),
+        noise=tuple(_measured(noise, channels[name].unit) for name, noise in noises.items()),
         runs=len(outcomes),
         failed=sum(not outcome.finished for outcome in outcomes),
         cpu_s=sum(outcome.cpu_s for outcome in outcomes),
+        words=[],
+    )
+    made = replace(made, combinations=_combinations(made))
+    return replace(made, words=in_words(made))
+
+
+def _recorded(its: Recording) -> Recorded:
+    notes = tuple(
+        f"{repeat.file}: {note}" if repeat.file else note
+        for repeat in its.repeats
+        for note in repeat.notes
+    )
+    return Recorded(its.name, its.held_out, its.conditions, len(its.repeats), notes)
+
+
+def _measured(its: Noise, unit: str) -> Measured:
+    return Measured(
+        its.channel, unit, its.sigma, its.sigma_range, its.autocorrelation_time, its.found
     )
 
 
@@ -174,7 +146,9 @@ def _variance(rows: Array, other: float | None) -> Array:
     return np.asarray(own * pooled / own.mean())
 
 
-def compared(its: Predicted, scatter: Mapping[str, float]) -> list[Compared]:
+def compared(
+    its: Predicted, scatter: Mapping[str, float], known: Mapping[str, Channel]
+) -> list[Compared]:
     """The channels of a recording beside its runs; `scatter` is the variance of one by channel."""
     seen, n = its.observation, len(its.runs)
     mean = its.runs.mean(axis=0)
@@ -182,8 +156,8 @@ def compared(its: Predicted, scatter: Mapping[str, float]) -> list[Compared]:
     variance = np.concatenate(
         [_variance(channels[b.channel], scatter.get(b.channel)) for b in seen.blocks]
     )
-    known = np.diag(seen.measured) + np.sum(seen.constant**2, axis=1)
-    expected = variance * (1.0 / seen.repeats + 1.0 / n) + known
+    measured = np.diag(seen.measured) + np.sum(seen.constant**2, axis=1)
+    expected = variance * (1.0 / seen.repeats + 1.0 / n) + measured
     parts = {
         "recorded": seen.values, "mean": mean, "expected": expected,
         "low": mean - 1.645 * np.sqrt(variance), "high": mean + 1.645 * np.sqrt(variance),
@@ -198,20 +172,17 @@ def compared(its: Predicted, scatter: Mapping[str, float]) -> list[Compared]:
                 seen.name,
                 its.held_out,
                 block.channel,
+                known[block.channel].unit,
                 None if block.times is None else block.times.tolist(),
                 of["recorded"].tolist(),
                 of["mean"].tolist(),
                 of["low"].tolist(),
                 of["high"].tolist(),
+                np.sqrt(of["expected"]).tolist(),
                 float(error),
             )
         )
     return made
-
-
-def as_json(its: Summary) -> str:
-    """The summary as JSON."""
-    return json.dumps(asdict(its), indent=1)
 
 
 def in_words(its: Summary) -> list[str]:
@@ -227,8 +198,8 @@ def in_words(its: Summary) -> list[str]:
         elif not p.determined:
             said = f"{said}: not determined by these recordings"
         lines.append(said)
-    lines += _combinations(its)
-    if its.probability < MISFIT:
+    lines += its.combinations
+    if not its.fits:
         lines.append(
             f"The simulation does not fit: a misfit of {its.misfit:.0f} on {its.freedom} degrees "
             f"of freedom has probability {its.probability:.1g}. The values above are those of a "

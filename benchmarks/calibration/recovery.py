@@ -67,7 +67,7 @@ def fitted(experiment: Experiment, runs: int, work: Path, kept: KeptRuns) -> dic
     begun, before = time.process_time(), len(kept.there)
     campaign = calibrate(parts.case, parts.noises, lambda c: kept.evaluate(c, parts.ladder), runs)
     cpu_s = time.process_time() - begun
-    its = summary(campaign, parts.case, parts.problem, parts.noises)
+    its = summary(campaign, parts.case, parts.problem, parts.noises, parts.rig.channels)
     truth = to_unit(parts.case.parameters, np.append(experiment.truth, experiment.stiffness))
     draws = to_unit(parts.case.parameters, campaign.fitted.posterior.draws)
     return {

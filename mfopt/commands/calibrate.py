@@ -19,6 +19,7 @@ from mfopt.campaign.memory import Memory
 from mfopt.campaign.store import writing
 from mfopt.commands.shared import AsJson, Into, Quiet, Resume, console
 from mfopt.files.whole import full_disk_named, write_aside
+from mfopt.records import calibration as records
 from mfopt.records.objective import Criteria
 from mfopt.study.stored import CALIBRATE
 
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 RUNS = 200
 # The errors that a fit allows for; calibration.likelihood.Parts has the same names.
 PARTS = ("packing", "measurement", "emulator", "constant", "clock", "allowance")
-RESULT = {"posterior": "calibration.json", "lbfgsb": "least-squares.json"}
+RESULT = {"posterior": records.FILE, "lbfgsb": "least-squares.json"}
 
 
 class Method(StrEnum):
@@ -116,15 +117,15 @@ def _found(
     """The result of a fit as JSON and in words."""
     from calibration.campaign import calibrate as fitted_to
     from calibration.least_squares import fit_least_squares, least_squares_summary
-    from calibration.summary import as_json, in_words, summary
+    from calibration.summary import summary
 
     if method is Method.LBFGSB:
         found = fit_least_squares(parts.case, parts.noises, evaluate, runs)
-        its = least_squares_summary(found, parts.case)
+        its = least_squares_summary(found, parts.case, parts.rig.channels)
         return its.as_json, its.in_words
     campaign = fitted_to(parts.case, parts.noises, evaluate, runs, errors)
-    result = summary(campaign, parts.case, parts.problem, parts.noises)
-    return as_json(result), in_words(result)
+    result = summary(campaign, parts.case, parts.problem, parts.noises, parts.rig.channels)
+    return records.as_json(result), result.words
 
 
 def _header(

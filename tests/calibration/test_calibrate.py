@@ -12,7 +12,7 @@ from calibration.posterior import to_unit
 from calibration.recordings.case import Case, Measurement, Parameter
 from calibration.recordings.noise import measurement_noise
 from calibration.recordings.records import Recording, Repeat, Series
-from calibration.summary import in_words, summary
+from calibration.summary import summary
 from mfopt.arrays import Array, frozen
 from mfopt.errors import ConfigError, SimulationError
 from mfopt.records.evaluation import Candidate, Evaluation
@@ -87,12 +87,12 @@ def test_the_truth_lies_in_the_intervals_and_these_are_narrow(
 
 def test_the_model_fits_and_predicts_what_was_held_out(campaigns: list[Campaign]) -> None:
     for campaign in campaigns:
-        its = summary(campaign, case_of(frozen([0.3, 0.05]), 1), PROBLEM, {})
+        its = summary(campaign, case_of(frozen([0.3, 0.05]), 1), PROBLEM, {}, Tank.channels)
         assert its.probability > 0.01
         assert {c.recording for c in its.compared if c.held_out} == {"other"}
         assert max(c.error for c in its.compared) < 2.5
         assert its.runs == 18 + 2 * 41
-        assert all("not determined" not in line for line in in_words(its))
+        assert all("not determined" not in line for line in its.words)
 
 
 def test_a_clock_that_is_wrong_by_more_than_stated_does_not_fit() -> None:

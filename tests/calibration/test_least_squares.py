@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 from test_calibrate import case_of, evaluate
+from toy_rig import Tank
 
 from calibration.least_squares import fit_least_squares, least_squares_summary
 from calibration.recordings.noise import measurement_noise
@@ -21,7 +22,7 @@ def test_it_comes_near_the_truth_and_spends_no_more_than_it_may() -> None:
     found = fit_least_squares(CASE, NOISES, lambda c: evaluate(c, CASE), 80)
     assert found.best == pytest.approx([0.35, 0.03], abs=0.02)
     assert 60 <= len(found.evaluations) <= 80
-    its = least_squares_summary(found, CASE)
+    its = least_squares_summary(found, CASE, Tank.channels)
     assert json.loads(its.as_json)["parameters"]["rate"] == found.best[0]
     assert its.in_words[0] == f"rate = {found.best[0]:.3g}"
 

@@ -1,0 +1,127 @@
+"""What a calibration found, as `calibration.json` keeps it; all values in SI units."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from pydantic import TypeAdapter, ValidationError
+
+from mfopt.errors import ConfigError
+
+FILE = "calibration.json"  # in the run directory
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """One parameter."""
+
+    name: str
+    unit: str
+    low: float  # of the range
+    high: float
+    best: float
+    mean: float
+    interval: tuple[float, float]  # 90 %
+    share: float  # width of the interval over that of the prior
+    determined: bool
+    asked: bool  # False: left free because nobody knows it exactly
+
+
+@dataclass(frozen=True, slots=True)
+class Direction:
+    """A combination of parameters, by how much the recordings narrow it."""
+
+    weights: Mapping[str, float]  # by parameter, in standard deviations of the prior
+    ratio: float  # standard deviation of the posterior over that of the prior
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """One recording as it was read."""
+
+    name: str
+    held_out: bool  # True: only predicted, never fitted
+    conditions: Mapping[str, float | str]
+    repeats: int
+    notes: tuple[str, ...]  # what was mended on reading, each after the name of its file
+
+
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """A channel of a recording beside the simulations of the posterior."""
+
+    recording: str
+    held_out: bool
+    channel: str
+    unit: str
+    times: list[float] | None  # [s]; None for a number
+    recorded: list[float]  # mean over the repeats
+    simulated: list[float]  # mean
+    low: list[float]  # 90 % of single runs
+    high: list[float]
+    expected: list[float]  # 1 sd of recorded less simulated, from noise and packing
+    error: float  # rms of recorded less simulated, over what noise and packing explain
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """Measurement noise of a channel: autocovariance sigma^2 exp(-|dt| / autocorrelation_time)."""
+
+    channel: str
+    unit: str
+    sigma: float  # 1 sd
+    sigma_range: tuple[float, float]  # 90 % interval, or bounds if found from one recording
+    autocorrelation_time: float  # [s]; 0: independent from sample to sample
+    found: str  # from what, in words
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """A whole calibration."""
+
+    name: str
+    parameters: tuple[Found, ...]
+    directions: tuple[Direction, ...]  # the best determined first
+    combinations: list[str]  # known much better, or much worse, than single parameters; in words
+    correlation: list[list[float]]
+    draws: list[list[float]]  # of the posterior, equally likely; a row a draw
+    log_evidence: float
+    misfit: float
+    freedom: int
+    probability: float  # of a larger misfit if the model is right
+    fits: bool  # False: that probability is too small
+    recordings: tuple[Recorded, ...]
+    compared: tuple[Compared, ...]
+    noise: tuple[Measured, ...]
+    runs: int
+    failed: int
+    cpu_s: float
+    words: list[str]  # the result, one sentence a line
+
+
+def as_json(its: Summary) -> str:
+    """The summary as JSON."""
+    return json.dumps(asdict(its), indent=1)
+
+
+def read_summary(directory: Path) -> Summary:
+    """The summary that a run directory holds.
+
+    Raises:
+        ConfigError: if there is none, or the file is damaged.
+    """
+    path = directory / FILE
+    again = f"mfopt calibrate CASE --directory {directory} --resume writes it"
+    try:
+        text = path.read_bytes()
+    except FileNotFoundError as error:
+        raise ConfigError(f"there is no {path}: the calibration has not ended; {again}") from error
+    try:
+        return TypeAdapter(Summary).validate_json(text)
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(map(str, first["loc"]))
+        raise ConfigError(
+            f"{path} is damaged{place and f' at {place}'}: {first['msg']}; {again}"
+        ) from error
