@@ -13,7 +13,7 @@ from fidelity.grains.packing import Settled, default_cache, settled_packing
 from fidelity.grains.settings import DemSettings
 from fidelity.scene import Scene
 from mfopt.arrays import AnyArray, Array, frozen
-from mfopt.errors import InvalidDesign, SimulationError
+from mfopt.errors import ConfigError, InvalidDesign, SimulationError
 from mfopt.records.outcome import Outcome
 
 
@@ -82,17 +82,22 @@ class SceneLevel:
             InvalidDesign: if the design cannot be built.
             SimulationError: if the vessel cannot be filled.
         """
-        effects = self.dem.effects
         filling, settled = self.scene.filling(x, self.dem, seed), None
         if isinstance(filling, Rained):
-            filling = replace(filling, setup=with_effects(filling.setup, effects))
+            filling = replace(filling, setup=self._with_effects(filling.setup))
         if filling is not None:
             cache = default_cache() if self.cache is None else self.cache
             limit = self.dem.time_limit_s
             settled = settled_packing(self.filler, filling, cache, time_limit_s=limit)
         packing = None if settled is None else settled.packing
         setup = self.scene.setup(x, self.dem, packing, seed, self.snapshots)
-        return with_effects(setup, effects), settled
+        return self._with_effects(setup), settled
+
+    def _with_effects(self, setup: Setup) -> Setup:
+        try:
+            return with_effects(setup, self.dem.effects)
+        except ConfigError as error:
+            raise ConfigError(f"level {self.name!r}: {error}") from error
 
     def _outcome(
         self, x: Array, seed: int, setup: Setup, settled: Settled | None, movement: Movement

@@ -48,7 +48,7 @@ def cup_wall(cup: Cup, chordal_error: float, height: float | None = None) -> Mes
     check_section(cup.section, "cup")
     top = cup.height if height is None else height
     if not (math.isfinite(top) and top > SLACK):
-        raise InvalidDesign(f"cup height = {top:.4g} m must exceed 0; increase its volume")
+        raise InvalidDesign(f"cup height = {1e3 * top:.4g} mm must exceed 0; increase its volume")
     upper, lower = (ring(cup.section, z, chordal_error) for z in (top, 0.0))
     heights = np.linspace(top, 0.0, _spans(upper, lower) + 1)
     return _mesh([ring(cup.section, float(z), chordal_error) for z in heights])

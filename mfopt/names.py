@@ -1,4 +1,4 @@
-"""Names that a user gives: text that can be shown on every screen and in every report."""
+"""Names and units in text that can be shown on every screen and in every report."""
 
 import unicodedata
 
@@ -53,3 +53,8 @@ def word(text: str) -> str:
     if "\0" in text:
         raise ValueError(f"{text!r} holds a zero byte, which no program can be given; leave it out")
     return text
+
+
+def with_unit(value: float, unit: str) -> str:
+    """A number with its unit; a pure number, whose unit is "-", stands alone."""
+    return f"{value:g}" if unit == "-" else f"{value:g} {unit}"

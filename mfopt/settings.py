@@ -17,6 +17,19 @@ _RELATIONS = {
     "less_than_equal": ("at most", "lower"),
     "less_than": ("below", "lower"),
 }
+# What a value of the wrong type must be.
+_TABLE = "a table with named values, such as {name = 1.0} in TOML"
+_KINDS = {
+    "tuple_type": "a list, such as [1.0, 2.0]",
+    "list_type": "a list; put its entries into [ ]",
+    "dict_type": _TABLE,
+    "model_type": _TABLE,
+    "float_type": "a number; texts are not converted",
+    "int_type": "a whole number, without a decimal point",
+    "int_from_float": "a whole number, without a decimal point",
+    "string_type": "a text; put it into quotes",
+    "bool_type": "true or false",
+}
 _short = reprlib.Repr()  # a value may be as long as a file, and nested as deeply
 _short.maxstring = _short.maxother = 80
 
@@ -58,6 +71,8 @@ def _explained(model: type[BaseModel], error: Mapping[str, Any]) -> str:
     match error["type"]:
         case "extra_forbidden":
             return f"unknown key {key!r}{nearest(str(place[-1]), _fields_at(model, place[:-1]))}"
+        case "missing" if isinstance(place[-1], int):
+            return f"{key.rpartition('.')[0]} = {given} has too few entries; add another"
         case "missing":
             return f"key {key!r} is missing; add it"
         case "finite_number":
@@ -68,6 +83,14 @@ def _explained(model: type[BaseModel], error: Mapping[str, Any]) -> str:
             return f"{key} = {given} must be {relation} {limit:g}; {remedy} it"
         case "value_error":
             return f"{key + ': ' if key else ''}{error['ctx']['error']}"
+        case "too_short" | "too_long" as kind:
+            relation, remedy = (
+                ("at least", "add some") if kind == "too_short" else ("at most", "leave some out")
+            )
+            limit = error["ctx"]["min_length" if kind == "too_short" else "max_length"]
+            return f"{key} = {given} must have {relation} {limit} entries; {remedy}"
+        case kind if kind in _KINDS:
+            return f"{key} = {given} must be {_KINDS[kind]}"
         case _:
             return f"{key} = {given}: {error['msg'].lower()}"
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fidelity.effects.kinds import SetupEffect, Values, positive
+from fidelity.effects.kinds import SetupEffect, Values
 from fidelity.engine import Setup, Wall
 from mfopt.arrays import BoolArray
 from mfopt.errors import ConfigError
@@ -15,7 +15,7 @@ FLAT = 1e-9  # [m] corners this close to the plane of the front side lie in it
 
 
 def _roll(setup: Setup, values: Values) -> Setup:
-    physics, more = setup.physics, positive("rolling_resistance", "coefficient", values)
+    physics, more = setup.physics, values["coefficient"]
     return replace(
         setup,
         physics=replace(
@@ -27,7 +27,7 @@ def _roll(setup: Setup, values: Values) -> Setup:
 
 
 def _stick(setup: Setup, values: Values) -> Setup:
-    energy = setup.physics.adhesion_energy + positive("cohesion", "energy", values)
+    energy = setup.physics.adhesion_energy + values["energy"]
     return replace(setup, physics=replace(setup.physics, adhesion_energy=energy))
 
 

@@ -3,19 +3,19 @@
 import math
 from dataclasses import replace
 
-from fidelity.effects.kinds import SetupEffect, Values, positive
+from fidelity.effects.kinds import SetupEffect, Values
 from fidelity.engine import Setup
 from mfopt.errors import ConfigError
 from mfopt.records.effect import Effect, EffectParameter
 
 
 def _drag_linearly(setup: Setup, values: Values) -> Setup:
-    rate = setup.physics.linear_drag + positive("drag_linear", "rate", values)
+    rate = setup.physics.linear_drag + values["rate"]
     return replace(setup, physics=replace(setup.physics, linear_drag=rate))
 
 
 def _drag_quadratically(setup: Setup, values: Values) -> Setup:
-    rate = setup.physics.quadratic_drag + positive("drag_quadratic", "rate", values)
+    rate = setup.physics.quadratic_drag + values["rate"]
     return replace(setup, physics=replace(setup.physics, quadratic_drag=rate))
 
 

@@ -5,24 +5,9 @@ from dataclasses import dataclass
 
 from fidelity.engine import Setup
 from fidelity.grains.filling import Portion
-from mfopt.errors import ConfigError
 from mfopt.records.effect import Effect
 
 Values = Mapping[str, float]
-
-
-def positive(effect: str, name: str, values: Values) -> float:
-    """The value of the parameter `name`, which must be above 0.
-
-    Raises:
-        ConfigError: if it is not.
-    """
-    value = values[name]
-    if not value > 0.0:
-        raise ConfigError(
-            f"{effect}: {name} = {value:g} must be above 0; 0 switches the effect off"
-        )
-    return value
 
 
 @dataclass(frozen=True, slots=True)

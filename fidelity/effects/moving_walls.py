@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fidelity.effects.kinds import SetupEffect, Values, positive
+from fidelity.effects.kinds import SetupEffect, Values
 from fidelity.engine import Setup, Wall, WallMotion, sizes
 from mfopt.arrays import Array, frozen
 from mfopt.errors import ConfigError
@@ -17,9 +17,8 @@ PER_PERIOD = 32  # samples of a vibration: a chord leaves the sine by 0.5 % of t
 
 def _open_slowly(setup: Setup, values: Values) -> Setup:
     """The gate slides along x, and sinks by a radius so that it leaves the floor beside it."""
-    opening_time = positive("slow_gate", "opening_time", values)
     gate = _gate(setup)
-    opens, open_ = gate.until, gate.until + opening_time
+    opens, open_ = gate.until, gate.until + values["opening_time"]
     radius = float(setup.grain.radii.min() * sizes(setup.packing).min())
     way = np.array([float(np.ptp(gate.vertices[:, 0])), 0.0, -radius])
     times = frozen([0.0, open_] if opens == 0.0 else [0.0, opens, open_])
@@ -40,8 +39,7 @@ def _gate(setup: Setup) -> Wall:
 
 
 def _vibrate(setup: Setup, values: Values) -> Setup:
-    amplitude = positive("vibration", "amplitude", values)
-    frequency = positive("vibration", "frequency", values)
+    amplitude, frequency = values["amplitude"], values["frequency"]
     samples = math.ceil(PER_PERIOD * frequency * setup.duration) + 1
     times = frozen(np.arange(samples) / (PER_PERIOD * frequency))
     way = frozen(np.outer(amplitude * np.sin(2 * math.pi * frequency * times), [0.0, 0.0, 1.0]))

@@ -86,14 +86,17 @@ def _acts(effect: PortionEffect | SetupEffect, subject: Setup | Portion) -> bool
 
 
 def refuse_effects(engine: str, effects: Mapping[str, Values]) -> None:
-    """Refuse effects that an engine lacks; `engine` is its family: numba, yade or bullet.
+    """Refuse wrong effects and those that an engine lacks.
+
+    `engine` is its family: numba, yade or bullet.
 
     Raises:
-        ConfigError: if it lacks one that is not at its null.
+        ConfigError: if a name or value is wrong, or it lacks one that is not at its null.
     """
     for name, values in effects.items():
         effect = effect_named(name)
-        if engine not in effect.engines and not is_absent(effect.effect, values):
+        absent = is_absent(effect.effect, values)
+        if engine not in effect.engines and not absent:
             raise ConfigError(
                 f"engine {engine}: it lacks the effect {name!r}; leave it out, or choose the "
                 f"engine {' or '.join(effect.engines)}"

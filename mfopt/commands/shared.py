@@ -14,6 +14,7 @@ from rich.console import Console
 
 from mfopt.arrays import Array, frozen
 from mfopt.errors import ConfigError, MfoptError
+from mfopt.names import with_unit
 from mfopt.records.outcome import plain
 from mfopt.records.problem import Problem
 from mfopt.settings import nearest
@@ -110,7 +111,8 @@ def chosen_design(problem: Problem, settings: list[str], best_of: Path | None) -
         if not variable.lower <= values[variable.name] <= variable.upper:
             raise ConfigError(
                 f"{variable.name} = {values[variable.name]:g} must be from {variable.lower:g} to "
-                f"{variable.upper:g} {variable.unit}; stay within the study's bounds or widen them"
+                f"{with_unit(variable.upper, variable.unit)}; stay within the study's bounds or "
+                "widen them"
             )
     return frozen(list(values.values()))
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from mfopt.errors import ConfigError
+from mfopt.names import with_unit
 
 # A value further from 0 than so many times the plausible range is a slip, such as of the unit. It
 # may need more steps or memory than there are.
@@ -64,8 +65,8 @@ def complete(effect: Effect, values: Mapping[str, float]) -> dict[str, float]:
     """All parameters of the effect: `values`, and the null where they name none.
 
     Raises:
-        ConfigError: if a name is unknown, or a value is not a finite number or far beyond the
-            plausible range.
+        ConfigError: if a name is unknown, or a value is not a finite number, below 0 where only
+            positive ones are plausible, or far beyond the plausible range.
     """
     for name, value in values.items():
         if name not in effect.parameters:
@@ -76,13 +77,18 @@ def complete(effect: Effect, values: Mapping[str, float]) -> dict[str, float]:
         if not math.isfinite(value):
             raise ConfigError(f"effect {effect.name!r}: {name} = {value} must be a finite number")
         its = effect.parameters[name]
-        if abs(value) > its.most:
-            raise ConfigError(
-                f"effect {effect.name!r}: {name} = {value:g} {its.unit} must be at most "
-                f"{its.most:g} in magnitude; plausible is {its.low:g} to {its.high:g} {its.unit}"
-            )
+        _refuse_far(its, f"effect {effect.name!r}: {name}", value)
     nulls = {name: parameter.null for name, parameter in effect.parameters.items()}
     return {**nulls, **values}
+
+
+def _refuse_far(its: EffectParameter, name: str, value: float) -> None:
+    said = f"{name} = {with_unit(value, its.unit)}"
+    plausible = f"plausible is {its.low:g} to {with_unit(its.high, its.unit)}"
+    if its.low >= 0.0 > value:
+        raise ConfigError(f"{said} must be at least 0; {plausible}")
+    if abs(value) > its.most:
+        raise ConfigError(f"{said} must be at most {its.most:g} in magnitude; {plausible}")
 
 
 def is_absent(effect: Effect, values: Mapping[str, float]) -> bool:

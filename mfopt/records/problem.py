@@ -9,6 +9,7 @@ import numpy as np
 from mfopt.arrays import Array, frozen
 from mfopt.checks import name_of, number, shown
 from mfopt.errors import ConfigError, SimulationError
+from mfopt.names import with_unit
 
 REDRAWS = 1000  # draws for one possible design before giving up
 LARGEST_BOUND = 1e100  # beyond it squares overflow
@@ -31,7 +32,12 @@ class Variable:
             where = f"variable {self.name!r}: {which} bound"
             bound = number(where, getattr(self, which), -LARGEST_BOUND, LARGEST_BOUND)
             object.__setattr__(self, which, bound)
-        if self.lower >= self.upper:
+        if self.lower == self.upper:
+            raise ConfigError(
+                f"variable {self.name!r}: both bounds are {self.lower:g}; raise the upper bound, "
+                "or do not make it a variable"
+            )
+        if self.lower > self.upper:
             raise ConfigError(
                 f"variable {self.name!r}: lower bound {self.lower:g} must be below "
                 f"upper bound {self.upper:g}; exchange them"
@@ -110,13 +116,15 @@ class Problem:
         for value, v in zip(x, self.variables, strict=True):
             if not v.lower <= value <= v.upper:
                 raise ConfigError(
-                    f"baseline {v.name} = {value:g} {v.unit} is outside its bounds "
+                    f"baseline {v.name} = {with_unit(value, v.unit)} is outside its bounds "
                     f"{v.lower:g} to {v.upper:g}; move the start or widen the bounds"
                 )
         z = self.to_z(x)
         if (why := self.impossible(x) or self.impossible(self.to_x(z))) is not None:
-            named = ", ".join(f"{name} = {value:g}" for name, value in self.named(x).items())
-            raise ConfigError(f"the start is impossible: {why}; give another start than {named}")
+            raise ConfigError(
+                f"the design {self.shown(x)} is impossible: {why}; change this design or the "
+                "other settings"
+            )
         return z
 
     def impossible(self, x: Array) -> str | None:
@@ -148,6 +156,11 @@ class Problem:
             f"{REDRAWS} designs drawn in a row are impossible, the last because {reason}; "
             "widen the bounds or start from another design"
         )
+
+    def shown(self, x: Array) -> str:
+        """The design `x` (d,) in words."""
+        pairs = zip(self.variables, x, strict=True)
+        return ", ".join(f"{v.name} = {with_unit(value, v.unit)}" for v, value in pairs)
 
     def named(self, x: Array) -> Mapping[str, float]:
         """The design `x` (d,) by variable name."""

@@ -47,10 +47,17 @@ DEM_NAMES = get_args(DemName)
 class EngineOptions(Settings):
     """What a level says to one engine alone; `engine_named` hands each option to its engine."""
 
-    precision: Precision = "double"  # of YADE
+    precision: Precision = "double"
 
 
-class DemLevelSettings(DemSettings, EngineOptions):
+OPTION_OF: Mapping[str, DemName] = {"precision": "yade"}  # the engine that has the option
+
+
+class Numerics(DemSettings, EngineOptions):
+    """What a level says of grains, numerics and engine."""
+
+
+class DemLevelSettings(Numerics):
     """A level on a discrete-element engine; of several engines the first installed one runs."""
 
     name: Name
@@ -116,10 +123,11 @@ def assemble(study: Study, *, where: str) -> Assembled:
     criteria = scene.criteria() if scene else OWN
     _check_objectives(study, criteria, where)
     _check_exchange(study, problem, where)
-    made = [
-        _level(table, scene, problem, f"{where}: level {number}")
-        for number, table in enumerate(study.level, start=1)
-    ]
+    made = []
+    for number, table in enumerate(study.level, start=1):
+        # The reference takes the options of the target.
+        beside = study.confirm.references if number == len(study.level) else ()
+        made.append(_level(table, scene, problem, f"{where}: level {number}", beside))
     levels = tuple(level for level, _ in made)
     detailed = tuple(
         replace(level, snapshots=SNAPSHOTS) if isinstance(level, SceneLevel) else level
@@ -184,6 +192,11 @@ def scene_of(settings: ProblemSettings, where: str) -> Scene | None:
         kind = scene_class(settings.scene)
     except ConfigError as error:
         raise ConfigError(f"{where}: problem.scene: {error}") from error
+    if "objective_unit" in settings.model_fields_set:
+        raise ConfigError(
+            f"{where}: problem.objective_unit = {settings.objective_unit!r}: a scene brings the "
+            "unit of its objectives; leave the key out"
+        )
     if settings.variable:
         raise ConfigError(
             f"{where}: a scene brings its own variables; free them in [problem.{kind.name}.free] "
@@ -236,7 +249,11 @@ def _own_problem(settings: ProblemSettings, where: str) -> Problem:
 
 
 def _level(
-    table: Mapping[str, Any], scene: Scene | None, problem: Problem, where: str
+    table: Mapping[str, Any],
+    scene: Scene | None,
+    problem: Problem,
+    where: str,
+    beside: Sequence[str],
 ) -> tuple[Level, Mapping[str, Any]]:
     settings = level_settings(table, where)
     match settings:
@@ -258,7 +275,7 @@ def _level(
                 )
             return reduced, {"engine": "reduced", "grains": settings.grains}
         case DemLevelSettings():
-            return _scene_level(settings, _needs_scene(scene, where), where)
+            return _scene_level(settings, _needs_scene(scene, where), problem, where, beside)
 
 
 def level_settings(
@@ -302,15 +319,21 @@ def drawn(study: Study, *, where: str) -> tuple[Scene, DemSettings | None] | Non
 
 
 def _scene_level(
-    settings: DemLevelSettings, scene: Scene, where: str
+    settings: DemLevelSettings,
+    scene: Scene,
+    problem: Problem,
+    where: str,
+    beside: Sequence[str],
 ) -> tuple[SceneLevel, Mapping[str, Any]]:
     names = settings.engine if isinstance(settings.engine, list) else [settings.engine]
+    dem = DemSettings(**{name: getattr(settings, name) for name in DemSettings.model_fields})
     try:
+        refuse_options([*names, *beside], settings)
         engine = _first_installed([engine_named(name, settings) for name in names])
+        level = SceneLevel(settings.name, scene, dem, engine)
+        scene.portion(problem.baseline, dem)  # refuses impossible effects on grains
     except ConfigError as error:
         raise ConfigError(f"{where}: {error}") from error
-    numerics = {name: getattr(settings, name) for name in DemSettings.model_fields}
-    level = SceneLevel(settings.name, scene, DemSettings(**numerics), engine)
     return level, {
         "engine": engine.name,
         "grains": settings.grains,
@@ -369,6 +392,20 @@ def _dem_engine(name: str, options: EngineOptions, where: str) -> Engine:
 
 def _listed(names: Sequence[str]) -> str:
     return ", ".join(map(repr, names))
+
+
+def refuse_options(names: Sequence[str], options: EngineOptions) -> None:
+    """Refuse options that none of the engines of these names has.
+
+    Raises:
+        ConfigError: names the option and its engine.
+    """
+    for option, engine in OPTION_OF.items():
+        if option in options.model_fields_set and engine not in names:
+            raise ConfigError(
+                f"{option} = {getattr(options, option)!r} is an option of the engine {engine!r}, "
+                f"not of {_listed(names)}; leave it out or choose {engine!r}"
+            )
 
 
 def engine_named(name: DemName, options: EngineOptions | None = None) -> Engine:

@@ -14,6 +14,7 @@ from calibration.recordings.case_settings import read_case_settings
 from calibration.recordings.noise import measurement_noise
 from calibration.recordings.records import Noise
 from calibration.rig import Rig
+from fidelity.engine import Engine
 from fidelity.programs.rig import ProgramRig
 from fidelity.rig import SceneRig
 from fidelity.scenes.beads import Vessel
@@ -25,7 +26,7 @@ from mfopt.records.objective import Criteria, Objective
 from mfopt.records.problem import Problem, Variable
 from mfopt.records.rig import Channel
 from mfopt.settings import Settings, checked
-from mfopt.study.assemble import SCENES, DemName, engine_named
+from mfopt.study.assemble import SCENES, DemName, EngineOptions, engine_named, refuse_options
 
 # A calibration compares series; its runs have no value of their own.
 COMPARED = Criteria({"none": Objective("none", lambda raw: {"none": 0.0})})
@@ -157,12 +158,24 @@ def _scenes(table: Mapping[str, Any], where: str) -> SceneRig:
                 f"{where}: rig.grains has no key {name!r}; give "
                 f"{', '.join(k for k in Vessel.model_fields if k != 'free')}"
             )
-    engine = engine_named(its.engine)
-    engine.version()
+    said = {key: value for key, value in its.level.items() if key in EngineOptions.model_fields}
+    options = checked(EngineOptions, said, where=f"{where}: rig.level")
+    numerics = {key: value for key, value in its.level.items() if key not in said}
+    engine = _engine(its.engine, options, f"{where}: rig")
     return SceneRig(
-        RIG_SCENES, its.scene, its.tables, its.grains, its.level, engine,
+        RIG_SCENES, its.scene, its.tables, its.grains, numerics, engine,
         its.coarse, its.stiffness_factor,
     )  # fmt: skip
+
+
+def _engine(name: DemName, options: EngineOptions, where: str) -> Engine:
+    try:
+        refuse_options([name], options)
+        engine = engine_named(name, options)
+        engine.version()
+    except ConfigError as error:
+        raise ConfigError(f"{where}: {error}") from error
+    return engine
 
 
 def _meaning(path: Path, case: Case, text: str) -> dict[str, Any]:

@@ -19,9 +19,10 @@ from mfopt.search.search import MOST_SEED
 from mfopt.settings import checked, nearest
 from mfopt.study.assemble import (
     DEM_NAMES,
-    DemLevelSettings,
     DemName,
+    Numerics,
     engine_named,
+    refuse_options,
     scene_class,
 )
 
@@ -65,8 +66,8 @@ class LoadedScene:
         """
         if engine not in DEM_NAMES:
             raise ConfigError(f"engine = {engine!r} must be one of {', '.join(DEM_NAMES)}")
-        table = {"grains": grains, **numerics, "name": engine, "engine": engine}
-        settings = checked(DemLevelSettings, table, where="run")
+        settings = checked(Numerics, {"grains": grains, **numerics}, where="run")
+        refuse_options([engine], settings)
         level = SceneLevel(engine, self.scene, settings, engine_named(engine, settings))
         x = self._x({} if design is None else design)
         outcome = level.evaluate(x, seed=whole("seed", seed, 0, MOST_SEED))
@@ -90,8 +91,7 @@ class LoadedScene:
 
     def __repr__(self) -> str:
         problem = self.scene.problem()
-        named = problem.named(problem.baseline)
-        said = ", ".join(f"{v.name} = {named[v.name]:g} {v.unit}" for v in problem.variables)
+        said = problem.shown(problem.baseline)
         return textwrap.fill(f"scene {self.scene.name}: {said}", WIDTH, subsequent_indent="    ")
 
 

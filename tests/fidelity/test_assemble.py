@@ -181,3 +181,18 @@ def test_a_limit_in_seconds_is_refused() -> None:
     problem = {"scene": "dosing", "objective": "dispersion", "filling_time_limit_ms": 0.33}
     with pytest.raises(ConfigError, match=r"filling_time_limit_ms = 0\.33"):
         assembled(None, problem=problem)
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ({"effects": {"grain_aspect": {"aspect": 0.5}}}, "study: level 2: the scene dosing lacks the effect"),
+        ({"effects": {"tilt": {"angle": 9.0}}}, "study: level 2: effect 'tilt': angle = 9 rad"),
+        ({"precision": "double"}, "study: level 2: precision = 'double' is an option of .* 'yade'"),
+    ],
+)
+def test_what_a_level_cannot_have_is_refused_with_its_place(
+    more: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(ConfigError, match=message):
+        assembled(None, {**TOP, **more})

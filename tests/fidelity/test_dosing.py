@@ -100,7 +100,7 @@ def test_crossed_sections_and_short_tube_are_invalid_designs() -> None:
 
 
 def test_a_baseline_that_cannot_be_built_is_wrong_input() -> None:
-    with pytest.raises(ConfigError, match="start is impossible: section 1"):
+    with pytest.raises(ConfigError, match="is impossible: section 1"):
         dosing_problem(DosingSettings(values={"r1": 45.0, "w1": 60.0}))
     with pytest.raises(ConfigError, match="outside its bounds"):
         dosing_problem(DosingSettings(values={"v": 9.0}))

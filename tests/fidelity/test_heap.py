@@ -136,6 +136,10 @@ def test_the_cylinder_is_lifted_at_its_speed_and_stays_up() -> None:
     ("settings", "name"),
     [
         (replace(SETTINGS, lift_speed=0.0), "lift_speed = 0"),
+        (
+            replace(SETTINGS, lift_speed=1e-12),
+            "lift_speed = 1e-09 mm/s would .* limit of 60 s",
+        ),
         (replace(SETTINGS, plate=0.1), "plate"),
     ],
 )

@@ -31,6 +31,23 @@ def refused(done: Result) -> str:
     ("old", "new", "message"),
     [
         ("seed = 3", 'seed = "3"', r"study\.seed = '3'"),
+        ("seed = 3", "seed = 3\n[problem.dosing.free]\nl1 = 5", r"l1 = 5 must be a list, such as"),
+        ("seed = 3", "seed = 3\n[problem.dosing.free]\nl1 = [5]", r"l1 = \[5\] has too few"),
+        ("seed = 3", "seed = 3\n[problem.dosing.free]\nl1 = [5, 6, 7]", r"l1.* at most 2 entries"),
+        ("seed = 3", "seed = 3\n[problem.dosing]\nfree = 5", r"free = 5 must be a table"),
+        ("grains = 40", "grains = 40\neffects = {tilt = 1}", r"tilt = 1 must be a table"),
+        (
+            "grains = 40", "grains = 40\neffects = {drag_linear = {rate = -1}}",
+            r"study\.toml: level 2: effect .*rate = -1 1/s must be at least 0",
+        ),
+        (
+            "grains = 40", 'grains = 40\nprecision = "double"',
+            r"level 2: precision = 'double' is an option of the engine 'yade'",
+        ),
+        (
+            'objective = "dispersion"', 'objective = "dispersion"\nobjective_unit = "kg"',
+            r"objective_unit = 'kg': a scene brings the unit",
+        ),
         ("seed = 3", "seed = nan", r"study\.seed = nan"),
         ("grains = 40", "grains = 40.5", r"grains = 40\.5"),
         ("grains = 40", "grains = -1", r"grains = -1 must be at least 1; raise it"),

@@ -6,7 +6,10 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from fidelity.engines.yade.engine import YadeEngine
+from fidelity.rig import RigLevel
 from mfopt.commands.app import app
+from mfopt.errors import ConfigError
 from mfopt.study.case import assemble_case
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "calibration" / "beads"
@@ -147,3 +150,25 @@ def test_wrong_words_of_a_program_are_named(tmp_path: Path, old: str, new: str, 
     result = CliRunner().invoke(app, given)
     assert result.exit_code == 2, result.output
     assert said in result.output
+
+
+def with_precision(folder: Path, engine: str) -> Path:
+    """The example on an engine, with an option that only YADE has."""
+    for file in EXAMPLE.iterdir():
+        (folder / file.name).write_text(file.read_text())
+    path = folder / "case.toml"
+    given = f'engine = "{engine}"\nlevel = {{ precision = "longdouble" }}\n'
+    path.write_text(path.read_text().replace("[rig]", f"[rig]\n{given}", 1))
+    return path
+
+
+def test_an_option_of_an_engine_reaches_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(YadeEngine, "version", lambda self: "2023.02a")
+    level = assemble_case(with_precision(tmp_path, "yade")).ladder.top
+    assert isinstance(level, RigLevel)
+    assert level.rig.engine.name == "yade-longdouble"
+
+
+def test_an_option_of_another_engine_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"case\.toml: rig: precision = 'longdouble' is an opt"):
+        assemble_case(with_precision(tmp_path, "numba"))

@@ -146,7 +146,7 @@ def test_an_array_of_one_number_is_a_value() -> None:
         ({"start": [[0.5, 0.5]]}, "must be a list of one number a variable"),
         ({"start": [0.5, "0.5"]}, "must be a list of one number a variable"),
         ({"constraint": "x > 1"}, "constraint = 'x > 1' must be a function of x"),
-        ({"constraint": lambda x: "too wide"}, "the start is impossible: too wide"),
+        ({"constraint": lambda x: "too wide"}, "is impossible: too wide"),
         ({"directory": 3}, "directory = 3 must be a path"),
         ({"levels": shifted_sphere}, "must be functions by name"),
         ({"levels": [shifted_sphere]}, "is no Level: it needs a name"),

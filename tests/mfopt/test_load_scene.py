@@ -1,6 +1,7 @@
 """Single simulations from a notebook."""
 
 import io
+import re
 from typing import Any
 
 import numpy as np
@@ -62,7 +63,7 @@ def test_no_bounds_of_a_search_limit_a_single_run() -> None:
 
 
 def test_what_cannot_be_built_is_refused_when_it_is_loaded() -> None:
-    with pytest.raises(ConfigError, match=r"opening = 0\.15 m .* narrow the outlet"):
+    with pytest.raises(ConfigError, match=r"opening = 150 mm .* narrow the outlet"):
         mfopt.load_scene("discharge", opening_mm=150)
 
 
@@ -110,6 +111,39 @@ def test_wrong_arguments_are_named() -> None:
 def test_a_wrong_design_or_seed_is_refused(given: dict[str, Any], match: str) -> None:
     with pytest.raises(ConfigError, match=match):
         mfopt.load_scene("discharge").run(**given)
+
+
+@pytest.mark.parametrize(
+    ("scene", "design", "match"),
+    [
+        ("heap", {"lift_speed": 1e-9}, "lift_speed = 1e-09 mm/s would take"),
+        ("heap", {"radius": -1.0}, "radius = -1 mm must be positive"),
+        ("silo", {"width": 0.0}, "width = 0 mm must be positive"),
+        ("silo", {"width": -5.0}, "width = -5 mm must be positive"),
+        ("discharge", {"opening": 130.0}, "opening = 130 mm must .* box's 120 mm"),
+        ("discharge", {"floor_angle": -1.0}, "floor_angle = -1 deg"),
+    ],
+)
+def test_a_design_that_cannot_be_built_is_impossible(
+    scene: str, design: dict[str, float], match: str
+) -> None:
+    its = mfopt.load_scene(scene, free={name: (-9.0, 200.0) for name in design})
+    x = np.array(list(design.values()))
+    assert re.search(match, its.scene.problem().impossible(x) or "")
+
+
+@pytest.mark.parametrize(
+    ("given", "match"),
+    [
+        ({"name": "x"}, "unknown key 'name'"),
+        ({"engine": "numba", "precision": "longdouble"}, "an option of the engine 'yade'"),
+        ({"effects": {"vibration": {"amplitude": -1.0}}}, "must be at least 0"),
+        ({"effects": []}, r"effects = \[\] must be a table"),
+    ],
+)
+def test_what_a_run_would_ignore_is_refused(given: dict[str, Any], match: str) -> None:
+    with pytest.raises(ConfigError, match=match):
+        mfopt.load_scene("heap").run(**given)
 
 
 def test_a_scene_that_is_no_name_is_refused() -> None:

@@ -22,6 +22,7 @@ from fidelity.grains.filling import (
     strip,
     top_of,
 )
+from fidelity.grains.settings import MILLI
 from fidelity.samples import Columns, Plane, Samples, even_columns
 from geometry.mesh import Mesh
 from geometry.sections import Section
@@ -108,31 +109,35 @@ def check_discharge(settings: DischargeSettings) -> None:
         ConfigError: the message names quantity, value, limit and remedy.
     """
     for name in ("length", "depth", "opening", "fall", "duration"):
-        if not getattr(settings, name) > 0:
-            raise ConfigError(f"{name} = {getattr(settings, name):g} must be positive; enlarge it")
+        value, unit = getattr(settings, name) / MILLI, "ms" if name == "duration" else "mm"
+        if not value > 0:
+            raise ConfigError(f"{name} = {value:g} {unit} must be positive; enlarge it")
     box, outlet = (settings.length, settings.depth), settings.outlet
     for name, inner, outer in zip(("opening", "opening_depth"), outlet, box, strict=True):
         if not 0 < inner <= outer:
             raise ConfigError(
-                f"{name} = {inner:g} m must be positive and at most the box's {outer:g} m; "
+                f"{name} = {inner / MILLI:g} mm must be positive and at most the box's "
+                f"{outer / MILLI:g} mm; "
                 "narrow the outlet or widen the box"
             )
     if not settings.floor >= 0:
-        raise ConfigError(f"floor = {settings.floor:g} m must be at least 0; 0 is a thin floor")
+        raise ConfigError(
+            f"floor = {settings.floor / MILLI:g} mm must be at least 0; 0 is a thin floor"
+        )
     if settings.bar > 0 and not settings.bar < settings.length:
         raise ConfigError(
-            f"bar = {settings.bar:g} m must be thinner than the box's length = "
-            f"{settings.length:g} m; use a thinner bar"
+            f"bar = {settings.bar / MILLI:g} mm must be thinner than the box's length = "
+            f"{settings.length / MILLI:g} mm; use a thinner bar"
         )
     if settings.bar > 0 and not settings.bar_height > settings.bar / 2:
         raise ConfigError(
-            f"bar_height = {settings.bar_height:g} m must exceed half of the bar's diameter = "
-            f"{settings.bar / 2:g} m; raise the bar"
+            f"bar_height = {settings.bar_height / MILLI:g} mm must exceed half of the bar's "
+            f"diameter = {settings.bar / 2 / MILLI:g} mm; raise the bar"
         )
     if not 0 <= settings.floor_angle < math.pi / 2:
         raise ConfigError(
-            f"floor_angle = {settings.floor_angle:g} rad must be at least 0 and below pi/2; "
-            "0 is a flat bottom"
+            f"floor_angle = {math.degrees(settings.floor_angle):g} deg must be at least 0 and "
+            "below 90 deg; 0 is a flat bottom"
         )
 
 

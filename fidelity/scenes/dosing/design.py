@@ -113,8 +113,8 @@ def design(settings: DosingSettings, x: Array) -> Design:
     tube_end_z = MILLI * settings.tube_end_z_mm
     if tube_end_z >= heights[3]:
         raise InvalidDesign(
-            f"tube end z = {tube_end_z:g} m must lie below the tube's upper end "
-            f"z3 = {heights[3]:g} m"
+            f"tube end z = {settings.tube_end_z_mm:g} mm must lie below the tube's upper end "
+            f"z3 = {values['z3']:g} mm"
         )
     return Design(
         loft=loft,

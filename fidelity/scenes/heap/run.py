@@ -27,6 +27,7 @@ from fidelity.grains.filling import (
     top_of,
 )
 from fidelity.grains.portion import sphere_centres, sphere_radii
+from fidelity.grains.settings import MILLI
 from geometry.mesh import Mesh
 from geometry.sections import Section
 from mfopt.arrays import Array, frozen
@@ -36,6 +37,7 @@ SEGMENTS = 24  # of the cylinder: 0.9 % of its radius from chord to arc
 FIT_FROM, FIT_TO = 0.2, 0.8  # [R] between which the line is fitted
 PROFILE_TO = 1.2  # [R]
 PROFILE_STEP = 0.05  # [R]
+LONGEST_LIFT = 60.0  # [s] as long as a rest or the run of another scene may be
 DIRECTIONS = 72  # in which the surface height is looked up
 
 
@@ -104,13 +106,21 @@ def check_heap(settings: HeapSettings) -> None:
     Raises:
         ConfigError: the message names quantity, value, limit and remedy.
     """
-    for name in ("radius", "lift_speed", "lift_height"):
-        if not getattr(settings, name) > 0:
-            raise ConfigError(f"{name} = {getattr(settings, name):g} must be positive; enlarge it")
+    for name, unit in (("radius", "mm"), ("lift_speed", "mm/s"), ("lift_height", "mm")):
+        value = getattr(settings, name)
+        if not value > 0:
+            raise ConfigError(f"{name} = {value / MILLI:g} {unit} must be positive; enlarge it")
     if not settings.plate > 2 * settings.radius:
         raise ConfigError(
-            f"plate = {settings.plate:g} m must exceed the cylinder's diameter = "
-            f"{2 * settings.radius:g} m; enlarge the plate"
+            f"plate = {settings.plate / MILLI:g} mm must exceed the cylinder's diameter = "
+            f"{2 * settings.radius / MILLI:g} mm; enlarge the plate"
+        )
+    if not settings.lift_height / settings.lift_speed <= LONGEST_LIFT:
+        raise ConfigError(
+            f"lift_speed = {settings.lift_speed / MILLI:g} mm/s would take "
+            f"{settings.lift_height / settings.lift_speed:.3g} s for lift_height = "
+            f"{settings.lift_height / MILLI:g} mm, above the limit of {LONGEST_LIFT:g} s; "
+            "lift faster or less high"
         )
 
 

@@ -21,6 +21,7 @@ from fidelity.grains.filling import (
     strip,
     top_of,
 )
+from fidelity.grains.settings import MILLI
 from geometry.mesh import Mesh
 from geometry.sections import Section
 from mfopt.arrays import Array, frozen
@@ -49,12 +50,24 @@ class SiloLoad:
     fill_height: float  # [m] twice the mean height of the mass centres
 
 
+def check_silo(settings: SiloSettings) -> None:
+    """Refuse a silo that cannot be built.
+
+    Raises:
+        ConfigError: the message names quantity, value, limit and remedy.
+    """
+    if not settings.width > 0:
+        raise ConfigError(f"width = {settings.width / MILLI:g} mm must be positive; enlarge it")
+
+
 def silo_setup(settings: SiloSettings, portion: Portion, seed: int) -> Setup:
     """Rain the portion into the silo and let it rest there.
 
     Raises:
-        SimulationError: if the grain is too long for the silo.
+        ConfigError: if the silo cannot be built.
+        SimulationError: if the grain is too long for it.
     """
+    check_silo(settings)
     width = settings.width
     loose = loose_in(portion, Section(width, width, 0.0, 0.0), 0.0, seed)
     top = top_of(portion, loose)

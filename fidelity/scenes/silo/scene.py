@@ -11,8 +11,8 @@ from fidelity.engine import Movement, Packing, Setup
 from fidelity.grains.filling import filling_time, rectangle, strip
 from fidelity.grains.settings import MILLI, DemSettings
 from fidelity.scene import Cycle, raw_of
-from fidelity.scenes.beads import Vessel, VesselScene, problem_of
-from fidelity.scenes.silo.run import SiloSettings, silo_load, silo_setup
+from fidelity.scenes.beads import Vessel, VesselScene, checked_design, problem_of
+from fidelity.scenes.silo.run import SiloSettings, check_silo, silo_load, silo_setup
 from geometry.mesh import Mesh
 from mfopt.arrays import AnyArray, Array
 from mfopt.limits import Bounds, Kilograms, Millimetres, Milliseconds
@@ -42,8 +42,14 @@ class Box(Vessel):
 
 
 def built(settings: Box, x: Array) -> SiloSettings:
-    """The silo of the design `x` (d,) [mm]."""
-    return SiloSettings(MILLI * settings.values_at(x)["width"], MILLI * settings.rest_ms)
+    """The silo of the design `x` (d,) [mm].
+
+    Raises:
+        InvalidDesign: if it cannot be built.
+    """
+    silo = SiloSettings(MILLI * settings.values_at(x)["width"], MILLI * settings.rest_ms)
+    checked_design(lambda: check_silo(silo))
+    return silo
 
 
 class Wanted(Settings):
