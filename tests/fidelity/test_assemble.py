@@ -186,7 +186,7 @@ def test_a_limit_in_seconds_is_refused() -> None:
 @pytest.mark.parametrize(
     ("more", "message"),
     [
-        ({"effects": {"grain_aspect": {"aspect": 0.5}}}, "study: level 2: the scene dosing lacks the effect"),
+        ({"effects": {"grain_aspect": {"aspect": 0.5}}}, "study: level 2: the scene dosing lacks"),
         ({"effects": {"tilt": {"angle": 9.0}}}, "study: level 2: effect 'tilt': angle = 9 rad"),
         ({"precision": "double"}, "study: level 2: precision = 'double' is an option of .* 'yade'"),
     ],

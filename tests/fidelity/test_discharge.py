@@ -165,10 +165,10 @@ def test_every_grain_is_counted_once() -> None:
 @pytest.mark.parametrize(
     ("settings", "name"),
     [
-        (replace(SLOT, opening=0.2), "opening = 0.2"),
+        (replace(SLOT, opening=0.2), "opening = 200 mm"),
         (replace(SLOT, opening_depth=0.0), "opening_depth = 0"),
         (replace(SLOT, duration=0.0), "duration = 0"),
-        (replace(SLOT, floor_angle=1.6), "floor_angle = 1.6"),
+        (replace(SLOT, floor_angle=math.radians(91.7)), "floor_angle = 91.7"),
     ],
 )
 def test_hoppers_that_cannot_be_built_are_refused(settings: DischargeSettings, name: str) -> None:
