@@ -126,7 +126,7 @@ class SceneRig:
         """
         if name in PARAMETERS:
             return PARAMETERS[name][0]
-        effect, its = _effect_parameter(name)
+        effect, its = effect_parameter(name)
         found = EFFECTS[effect].effect.parameters[its]
         return RigParameter(found.low, found.high, found.unit, f"{effect}: {found.meaning}")
 
@@ -190,11 +190,7 @@ class RigLevel:
         dem: dict[str, Any] = {**NUMERICS, **self.rig.numerics}
         dem["effects"] = {name: dict(v) for name, v in dem.get("effects", {}).items()}
         for name, value in zip(self.parameters, map(float, x), strict=True):
-            if name in PARAMETERS:
-                PARAMETERS[name][1](own, dem, value)
-            else:
-                effect, its = _effect_parameter(name)
-                dem["effects"].setdefault(effect, {})[its] = value
+            set_parameter(name, value, own, dem)
         scene = read_scene(self.rig.scenes[self.kind], own, {}, f"scene {self.kind}")
         assert isinstance(scene.settings, Vessel)
         vessel = scene.settings
@@ -220,7 +216,23 @@ def series_of(criteria: Criteria, outcome: Outcome) -> dict[str, AnyArray]:
     return raw
 
 
-def _effect_parameter(name: str) -> tuple[str, str]:
+def set_parameter(name: str, value: float, own: dict[str, Any], dem: dict[str, Any]) -> None:
+    """Set a parameter in the tables of a scene and of a level's numerics, which are changed.
+
+    Args:
+        name: of the parameter.
+        value: SI units.
+        own: of the scene, with the table `grain`, which is replaced.
+        dem: of the level, with the table `effects`, whose tables are changed.
+    """
+    if name in PARAMETERS:
+        PARAMETERS[name][1](own, dem, value)
+    else:
+        effect, its = effect_parameter(name)
+        dem["effects"].setdefault(effect, {})[its] = value
+
+
+def effect_parameter(name: str) -> tuple[str, str]:
     """Effect and parameter that `EFFECT` or `EFFECT.PARAMETER` names.
 
     Raises:

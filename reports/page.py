@@ -35,6 +35,7 @@ def context(run: RunDirectory, describe: Describe) -> dict[str, Any]:
     return {
         "header": {name: facts.header[name] for name in ORIGIN},
         "versions": _versions(run),
+        "material": list(facts.header.get("material", [])),  # sentences
         "study": _study(run),
         "end": run.end,
         "state": state(run.end, facts.rows),

@@ -94,7 +94,7 @@ def calibrate(
 
             driver = Driver(parts.problem, Memory(into), runner, count, watch, {})
             try:
-                result, words = _found(
+                result, words, material = _found(
                     parts,
                     lambda candidates: driver.evaluate(candidates, parts.ladder, "none"),
                     runs, method, errors,
@@ -104,6 +104,9 @@ def calibrate(
         if into.end is None:
             into.add_end("all planned runs are made")
         write_aside(path / RESULT[method], result.encode())
+        if material is not None:
+            write_aside(path / "material.toml", material.encode())
+            on.print(f"wrote {path / 'material.toml'}")
     if as_json:
         typer.echo(result)
     else:
@@ -113,19 +116,23 @@ def calibrate(
 
 def _found(
     parts: "AssembledCase", evaluate: "Evaluate", runs: int, method: Method, errors: "Parts"
-) -> tuple[str, list[str]]:
-    """The result of a fit as JSON and in words."""
+) -> tuple[str, list[str], str | None]:
+    """The result of a fit as JSON and in words, and the text of a material file, if any."""
     from calibration.campaign import calibrate as fitted_to
     from calibration.least_squares import fit_least_squares, least_squares_summary
     from calibration.summary import summary
+    from mfopt.study.calibrated import calibrated_material
+    from mfopt.study.material_file import material_text
 
     if method is Method.LBFGSB:
         found = fit_least_squares(parts.case, parts.noises, evaluate, runs)
         its = least_squares_summary(found, parts.case, parts.rig.channels)
-        return its.as_json, its.in_words
+        return its.as_json, its.in_words, None
     campaign = fitted_to(parts.case, parts.noises, evaluate, runs, errors)
     result = summary(campaign, parts.case, parts.problem, parts.noises, parts.rig.channels)
-    return records.as_json(result), result.words
+    material = calibrated_material(result, parts)
+    text = None if material is None else material_text(material)
+    return records.as_json(result), result.words, text
 
 
 def _header(

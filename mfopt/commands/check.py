@@ -13,7 +13,8 @@ from mfopt.commands.shared import StudyFile, screen
 from mfopt.commands.workers import new_runner, prepare_engines, started, workers_of
 from mfopt.records.level import Level
 from mfopt.study.assemble import Assembled, assemble
-from mfopt.study.file import Study, read_study
+from mfopt.study.file import Study
+from mfopt.study.material import read_with_material
 
 
 def check(
@@ -23,10 +24,12 @@ def check(
     ] = False,
 ) -> None:
     """Read a study and say what `mfopt run` would do and cost."""
-    study, _ = read_study(study_file)
+    study, _, taken = read_with_material(study_file)
     parts = assemble(study, where=str(study_file))
     for part in described(study, parts):
         screen.print(part)
+    for line in taken.words if taken else []:
+        screen.print(f"material: {line}")
     if dry_run:
         prepare_engines(study, parts, screen)
         with closing(new_runner(study)) as runner:

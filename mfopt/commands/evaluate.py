@@ -10,7 +10,7 @@ from mfopt.commands.shared import FromRun, StudyFile, ValuesGiven, chosen_design
 from mfopt.records.objective import Criteria, judged
 from mfopt.records.outcome import Outcome
 from mfopt.study.assemble import assemble, traced
-from mfopt.study.file import read_study
+from mfopt.study.material import read_with_material
 
 
 def evaluate(
@@ -27,7 +27,7 @@ def evaluate(
 
     Quantities carry their units; terms, objective and raw are in SI units.
     """
-    study, _ = read_study(study_file)
+    study, *_ = read_with_material(study_file)
     parts = assemble(study, where=str(study_file))
     x = chosen_design(parts.problem, settings or [], best_of)
     chosen = parts.all_levels[level or parts.ladder.top.name]

@@ -10,7 +10,7 @@ from mfopt.commands.shared import FromRun, StudyFile, ValuesGiven, chosen_design
 from mfopt.errors import ConfigError
 from mfopt.files.whole import full_disk_named
 from mfopt.study.assemble import assemble
-from mfopt.study.file import read_study
+from mfopt.study.material import read_with_material
 
 
 def geometry(
@@ -21,7 +21,7 @@ def geometry(
     step: Annotated[bool, typer.Option("--step", help="STEP too (needs the extra cad)")] = False,
 ) -> None:
     """Write the meshes of one design (STL, glTF, STEP) and say how it can be made."""
-    study, _ = read_study(study_file)
+    study, *_ = read_with_material(study_file)
     parts = assemble(study, where=str(study_file))
     x = chosen_design(parts.problem, settings or [], best_of)
     if (scene := parts.scene) is None:

@@ -4,12 +4,13 @@ from rich.table import Table
 
 from mfopt.commands.shared import StudyFile, screen
 from mfopt.study.assemble import Assembled, assemble
-from mfopt.study.file import Study, read_study
+from mfopt.study.file import Study
+from mfopt.study.material import read_with_material
 
 
 def ladder(study_file: StudyFile) -> None:
     """Show the levels of a study, what they cost and what the study spends on them."""
-    study, _ = read_study(study_file)
+    study, *_ = read_with_material(study_file)
     parts = assemble(study, where=str(study_file))
     screen.print(ladder_table(study, parts))
     screen.print(spending(study, parts))

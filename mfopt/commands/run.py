@@ -21,7 +21,8 @@ from mfopt.errors import SimulationError
 from mfopt.files.whole import full_disk_named
 from mfopt.search.search import Search, window
 from mfopt.study.assemble import Assembled, assemble, level_settings
-from mfopt.study.file import Study, read_study
+from mfopt.study.file import Study
+from mfopt.study.material import Taken, read_with_material
 from mfopt.study.searches import make_search
 
 if TYPE_CHECKING:
@@ -38,14 +39,16 @@ def run(
     """Run a study, confirm its best design over fresh seeds and write the reports."""
     from mfopt.campaign.run import run_study
 
-    study, text = read_study(study_file)
+    study, text, taken = read_with_material(study_file)
     parts = assemble(study, where=str(study_file))
     workers = workers_of(study)
-    now = _header(study, parts, workers)
+    now = _header(study, parts, taken, workers)
     _search(study, parts, budgets(now), parts.problem.baseline)  # refused before all is written
     runner = new_runner(study)
     path = directory or Path("runs") / study.study.name
     on = console(quiet=quiet or as_json)
+    for line in taken.words if taken else []:
+        on.print(f"material: {line}")
     check_disk(path)
     with full_disk_named(path), writing(path):
         prepare_engines(study, parts, on)
@@ -157,8 +160,8 @@ def _display(
     )
 
 
-def _header(study: Study, parts: Assembled, workers: int) -> dict[str, Any]:
-    return header(
+def _header(study: Study, parts: Assembled, taken: Taken | None, workers: int) -> dict[str, Any]:
+    made = header(
         parts.problem,
         parts.ladder,
         name=study.study.name,
@@ -170,11 +173,12 @@ def _header(study: Study, parts: Assembled, workers: int) -> dict[str, Any]:
         workers=workers,
         levels=parts.described,
         versions=parts.versions,
-        settings=_settings(study, parts),
+        settings=_settings(study, parts, taken),
     )
+    return made if taken is None else {**made, "material": taken.words}
 
 
-def _settings(study: Study, parts: Assembled) -> dict[str, Any]:
+def _settings(study: Study, parts: Assembled, taken: Taken | None) -> dict[str, Any]:
     """All that a study says of what is run, with what it leaves out filled in."""
     its = study.model_dump(mode="json", include={"problem", "level", "search", "confirm"})
     del its["confirm"]["reference"]  # may be there later
@@ -182,4 +186,6 @@ def _settings(study: Study, parts: Assembled) -> dict[str, Any]:
     if (scene := parts.scene) is not None:
         wanted = scene.wanted.model_dump(mode="json")
         its["problem"] |= {**wanted, scene.name: scene.settings.model_dump(mode="json")}
+    if taken is not None:
+        its["material"] = taken.material.model_dump(mode="json")
     return its

@@ -22,6 +22,7 @@ from mfopt.limits import (
     SearchSeeds,
     Seed,
     Sigma,
+    Word,
     Workers,
 )
 from mfopt.search.search import Reevaluate, Stage
@@ -176,6 +177,8 @@ class ProblemSettings(Settings):
 class Study(Settings):
     """A whole study file. `level` tables are checked by the engine that they name."""
 
+    # Path of a material file, relative to the study file (`mfopt.study.material`).
+    material: Word | None = None
     study: StudyHead
     problem: ProblemSettings
     level: list[dict[str, Any]] = Field(max_length=MOST_LEVELS)

@@ -6,6 +6,8 @@ from mfopt.campaign.store import RunDirectory, open_run
 from mfopt.errors import ConfigError
 from mfopt.study.assemble import scene_of
 from mfopt.study.file import Study, study_of
+from mfopt.study.material import with_material
+from mfopt.study.material_file import material_of_tables
 
 CALIBRATE = "calibrate"  # the method of a run directory that holds a calibration
 
@@ -27,6 +29,9 @@ def open_stored(path: Path) -> tuple[RunDirectory, Study | None]:
     if not text:
         return run, None
     study = study_of(text, where=str(run.study_file))
+    if (tables := run.header["settings"].get("material")) is not None:
+        where = f"{path}: run.json"
+        study = with_material(study, material_of_tables(tables, where=where), where=where)
     scene = scene_of(study.problem, str(run.study_file))
     if scene is not None:
         run.criteria = scene.criteria()

@@ -11,6 +11,7 @@ from fidelity.rig import RigLevel
 from mfopt.commands.app import app
 from mfopt.errors import ConfigError
 from mfopt.study.case import assemble_case
+from mfopt.study.material_file import read_material
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "calibration" / "beads"
 COARSE = ("--runs", "50", "--workers", "1")
@@ -47,6 +48,17 @@ def test_it_tells_parameters_directions_and_comparisons(done: Path) -> None:
     assert not stiffness["asked"]
     assert told["runs"] == 50
     assert {c["held_out"] for c in told["compared"]} == {True, False}
+
+
+def test_it_writes_a_material(done: Path) -> None:
+    its = read_material(done / "material.toml")
+    told = json.loads((done / "calibration.json").read_text())
+    for parameter in told["parameters"][:2]:
+        value = its.values[parameter["name"]]
+        assert value.value == pytest.approx(parameter["mean"], rel=1e-5)
+        assert value.determined is parameter["determined"]
+    assert list(its.values) == ["friction", "restitution"]
+    assert its.holds_for.coarse == 3.0
 
 
 def test_a_run_that_is_whole_is_not_made_again(case: Path, done: Path) -> None:
@@ -126,6 +138,7 @@ def test_a_function_of_the_user_is_calibrated(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     told = json.loads(result.output)
     low, high = told["parameters"][0]["interval"]
+    assert not (tmp_path / "run" / "material.toml").exists()
     assert 0.40 < low < high < 0.50
     assert low - 0.01 < 0.45 < high + 0.01
     assert told["failed"] == 0
