@@ -66,6 +66,21 @@ class HeldSettings(Settings):
     engine: Name
     effects: dict[str, dict[str, float]] = Field(default_factory=dict)
 
+    @model_validator(mode="after")
+    def _ordered(self) -> "HeldSettings":
+        low, high = self.young_modulus_pa
+        if low > high:
+            raise ValueError(
+                f"young_modulus_pa = [{low:g}, {high:g}] must go from a smaller to a larger value; "
+                "swap them"
+            )
+        if self.grain_length_mm < self.grain_width_mm:
+            raise ValueError(
+                f"grain_length_mm = {self.grain_length_mm:g} must be at least "
+                f"grain_width_mm = {self.grain_width_mm:g}; exchange them"
+            )
+        return self
+
 
 class _Limits(Settings):
     """What the parameters of `fidelity.rig` can be."""

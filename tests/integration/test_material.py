@@ -234,6 +234,9 @@ def test_what_makes_no_difference_is_taken(
         ("[values.friction]\nvalue = 0.364123", '[values."drag_linear.rate"]\nvalue = 1e9',
          "values: effect 'drag_linear': rate = 1e+09 1/s must be at most"),
         ("density_kg_m3 = 2500.0\n", "", "'holds_for.density_kg_m3' is missing"),
+        ("[1000000.0, 4000000.0]", "[4e6, 1e6]", "from a smaller to a larger value; swap them"),
+        ("[1000000.0, 4000000.0]", "[1e6]", "holds_for.young_modulus_pa"),
+        ("grain_width_mm = 1", "grain_width_mm = 2", "exchange them"),
         ("format = 1", "format = 2", "format = 2"),
         ("[holds_for]", "[holds_for", "is not valid TOML"),
         ("low = 0.291299", "low = 0.9", "low = 0.9 must be at most high = 0.436948; swap them"),
@@ -350,6 +353,22 @@ def test_a_run_resumes_with_its_material_only_and_names_it(tmp_path: Path, text:
 
     (tmp_path / "material.toml").unlink()  # the run directory holds all that a report needs
     assert mfopt("report", run).exit_code == 0
+
+
+def test_the_example_takes_the_material_of_its_case(tmp_path: Path) -> None:
+    beads = EXAMPLES / "beads"
+    material = calibrated_material(
+        summary(FRICTION, BOUNCE, STIFFNESS), assemble_case(beads / "case.toml")
+    )
+    assert material is not None
+    folder, run = tmp_path / "examples" / "calibration" / "beads", tmp_path / "runs" / "glass-beads"
+    folder.mkdir(parents=True)
+    run.mkdir(parents=True)
+    (folder / "hopper.toml").write_text((beads / "hopper.toml").read_text())
+    (run / "material.toml").write_text(material_text(material))
+    done = mfopt("check", folder / "hopper.toml")
+    assert done.exit_code == 0, done.output
+    assert "calibration glass-beads: friction = 0.364123" in done.output
 
 
 def test_tables_of_a_run_are_a_material(text: str, tmp_path: Path) -> None:
