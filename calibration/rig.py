@@ -23,6 +23,10 @@ class Rig(Protocol):
         They are fitted too, so that an error in them does not end up in the others.
         """
 
+    @property
+    def possible(self) -> Mapping[str, Conditions]:
+        """Conditions of further experiments that could be recorded, by what they are called."""
+
     def parameter(self, name: str) -> RigParameter | None:
         """Range and unit of a parameter; None if the rig cannot know them.
 

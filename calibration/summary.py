@@ -12,7 +12,15 @@ from calibration.recordings.case import Case
 from calibration.recordings.records import Noise, Recording
 from calibration.runs import Predicted
 from mfopt.arrays import Array
-from mfopt.records.calibration import Compared, Direction, Found, Measured, Recorded, Summary
+from mfopt.records.calibration import (
+    Advice,
+    Compared,
+    Direction,
+    Found,
+    Measured,
+    Recorded,
+    Summary,
+)
 from mfopt.records.problem import Problem
 from mfopt.records.rig import Channel
 
@@ -23,6 +31,7 @@ MISFIT = 0.01  # probability of a larger misfit, below which a fit is doubtful
 FIT_COUNTS = 10  # runs, as which the scatter of the fitted recordings counts
 PRIOR_DRAWS = 4000
 DRAWS = 500  # of the posterior that the summary keeps
+HARDLY = 0.85  # of an interval: a recording that leaves more tells hardly anything
 
 
 def summary(
@@ -31,6 +40,7 @@ def summary(
     problem: Problem,
     noises: Mapping[str, Noise],
     channels: Mapping[str, Channel],
+    advice: tuple[Advice, ...] = (),
 ) -> Summary:
     """Sum up a calibration."""
     fitted = campaign.fitted
@@ -59,6 +69,7 @@ def summary(
         runs=len(outcomes),
         failed=sum(not outcome.finished for outcome in outcomes),
         cpu_s=sum(outcome.cpu_s for outcome in outcomes),
+        advice=advice,
         words=[],
     )
     made = replace(made, combinations=_combinations(made))
@@ -199,6 +210,7 @@ def in_words(its: Summary) -> list[str]:
             said = f"{said}: not determined by these recordings"
         lines.append(said)
     lines += its.combinations
+    lines += _next(its)
     if not its.fits:
         lines.append(
             f"The simulation does not fit: a misfit of {its.misfit:.0f} on {its.freedom} degrees "
@@ -207,6 +219,26 @@ def in_words(its: Summary) -> list[str]:
         )
     lines += [error_in_words(c) for c in its.compared]
     lines.append(f"{its.runs} simulations, {its.failed} failed, {its.cpu_s:.0f} s of CPU")
+    return lines
+
+
+def _next(its: Summary) -> list[str]:
+    """Which further recording would narrow what is not determined."""
+    open_ones = [p.name for p in its.parameters if p.asked and not p.determined]
+    if not open_ones:
+        return []
+    if not its.advice:
+        return ["Which further recording would determine them: mfopt calibrate with --advise"]
+    lines = []
+    for name in open_ones:
+        best = min(its.advice, key=lambda a: a.narrower[name])
+        if best.narrower[name] > HARDLY:
+            lines.append(f"None of the {len(its.advice)} further recordings tells {name} better")
+        else:
+            lines.append(
+                f"To determine {name}, record next: {best.name}; its interval would shrink to "
+                f"{100 * best.narrower[name]:.0f} %"
+            )
     return lines
 
 

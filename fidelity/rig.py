@@ -28,6 +28,8 @@ from mfopt.settings import checked, nearest
 FEWEST_GRAINS, MOST_GRAINS = 20, 100_000
 BESIDE = 0.1  # bounds of the one free measure, over its value
 SCENE = "scene"  # the condition that chooses a scene
+HEAP = "heap"  # the scene that tells rolling from sliding friction
+OTHER_PORTIONS, OTHER_OUTLETS = (0.5,), (0.8, 1.4)  # of those that the case states
 # A hard contact law with a restitution, as measured for grains; no numerical damping.
 NUMERICS: Mapping[str, Any] = {
     "contact_law": "hertz", "restitution": 0.7, "damping": 0.0, "young_modulus_pa": 2e6,
@@ -98,6 +100,25 @@ class SceneRig:
             return {}
         stated = float({**NUMERICS, **self.numerics}["young_modulus_pa"])
         return {"young_modulus": (stated / self.stiffness_factor, stated * self.stiffness_factor)}
+
+    @property
+    def possible(self) -> Mapping[str, Mapping[str, float | str]]:
+        """Other fills and outlets of the vessel, and a heap of the same grains."""
+        vessel = self._scene(self.scene, {}).settings
+        assert isinstance(vessel, Vessel)
+        found: dict[str, dict[str, float | str]] = {
+            f"portion_kg = {share * vessel.portion_kg:.3g}": {
+                "portion_kg": share * vessel.portion_kg
+            }
+            for share in OTHER_PORTIONS
+        }
+        if "opening" in vessel.values():
+            for share in OTHER_OUTLETS:
+                opening = share * vessel.values()["opening"]
+                found[f"opening_mm = {opening:.3g}"] = {"opening_mm": opening}
+        if self.scene != HEAP:
+            found["a heap"] = {SCENE: HEAP}
+        return found
 
     @property
     def channels(self) -> Mapping[str, Channel]:

@@ -15,6 +15,7 @@ from mfopt.settings import Settings, checked
 
 MOST_RECORDINGS = 1000
 MOST_REPEATS = 1000
+MOST_POSSIBLE = 20
 
 Error = Field(default=0.0, ge=0.0)
 
@@ -175,6 +176,13 @@ class RecordingSettings(Settings):
         return list(zip(files, rows, strict=True))
 
 
+class PossibleSettings(Settings):
+    """An experiment that could be recorded next."""
+
+    name: Name
+    conditions: dict[str, float | str] = Field(min_length=1)
+
+
 class CaseSettings(Settings):
     """A whole case file. The table `rig` is checked by whoever makes the simulator."""
 
@@ -184,6 +192,7 @@ class CaseSettings(Settings):
     measurement: MeasurementSettings = MeasurementSettings()
     csv: CsvSettings = CsvSettings()
     recording: list[RecordingSettings] = Field(min_length=1, max_length=MOST_RECORDINGS)
+    possible: list[PossibleSettings] = Field(default_factory=list, max_length=MOST_POSSIBLE)
 
 
 def read_case_settings(path: Path) -> tuple[CaseSettings, str]:

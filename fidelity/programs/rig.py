@@ -40,6 +40,11 @@ class ProgramRig:
         """None: what is fitted is the user's to say."""
         return {}
 
+    @property
+    def possible(self) -> Mapping[str, Mapping[str, float | str]]:
+        """None: which experiments there could be is the user's to say."""
+        return {}
+
     def parameter(self, name: str) -> RigParameter | None:
         """Nothing is known of the parameters of a program."""
         return None

@@ -1,7 +1,7 @@
 """`mfopt calibrate`: fit the parameters of a simulation to recordings."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -18,14 +18,16 @@ from mfopt.campaign.local_workers import local_processes
 from mfopt.campaign.memory import Memory
 from mfopt.campaign.store import writing
 from mfopt.commands.shared import AsJson, Into, Quiet, Resume, console
+from mfopt.errors import ConfigError
 from mfopt.files.whole import full_disk_named, write_aside
 from mfopt.records import calibration as records
+from mfopt.records.evaluation import Candidate, Evaluation
+from mfopt.records.level import Ladder
 from mfopt.records.objective import Criteria
 from mfopt.study.stored import CALIBRATE
 
 if TYPE_CHECKING:
     from calibration.likelihood import Parts
-    from calibration.runs import Evaluate
     from mfopt.study.case import AssembledCase
 
 RUNS = 200
@@ -54,11 +56,15 @@ def calibrate(
     leave_out: Annotated[
         list[str] | None, typer.Option(help=f"an error that shall not count: {', '.join(PARTS)}")
     ] = None,
+    advise: Annotated[
+        bool, typer.Option(help="simulate further experiments and say which would tell most")
+    ] = False,
     resume: Resume = False,
     quiet: Quiet = False,
     as_json: AsJson = False,
 ) -> None:
     """Fit the parameters of a simulation to recordings, with what the recordings cannot tell."""
+    from calibration.advice import RUNS as RUNS_OF_ADVICE
     from calibration.campaign import runs_of_each
     from calibration.likelihood import parts_without
     from fidelity.engines.numba import prepare
@@ -70,6 +76,11 @@ def calibrate(
     errors = parts_without(leave_out or ())
     if method is Method.POSTERIOR:
         runs_of_each(parts.case, runs)
+    if advise and (method is not Method.POSTERIOR or not parts.possible):
+        raise ConfigError(
+            "--advise needs the method posterior, and experiments to choose from: name them in "
+            "tables [[possible]] of the case file"
+        )
     for recording in parts.case.recordings:
         for repeat in recording.repeats:
             for note in repeat.notes:
@@ -87,18 +98,15 @@ def calibrate(
                    TimeRemainingColumn())  # fmt: skip
         runner = Runner(local_processes(count))
         with Progress(*columns, console=on, disable=quiet or as_json) as shown:
-            task = shown.add_task("simulations", total=runs)
+            total = runs + (RUNS_OF_ADVICE * len(parts.possible) if advise else 0)
+            task = shown.add_task("simulations", total=total)
 
             def watch(made: Made) -> None:
                 shown.advance(task)
 
             driver = Driver(parts.problem, Memory(into), runner, count, watch, {})
             try:
-                result, words, material = _found(
-                    parts,
-                    lambda candidates: driver.evaluate(candidates, parts.ladder, "none"),
-                    runs, method, errors,
-                )  # fmt: skip
+                result, words, material = _found(parts, driver, runs, method, errors, advise=advise)
             finally:
                 runner.close()
         if into.end is None:
@@ -115,21 +123,40 @@ def calibrate(
 
 
 def _found(
-    parts: "AssembledCase", evaluate: "Evaluate", runs: int, method: Method, errors: "Parts"
+    parts: "AssembledCase",
+    driver: Driver,
+    runs: int,
+    method: Method,
+    errors: "Parts",
+    *,
+    advise: bool,
 ) -> tuple[str, list[str], str | None]:
     """The result of a fit as JSON and in words, and the text of a material file, if any."""
+    from calibration.advice import advise as told_most
     from calibration.campaign import calibrate as fitted_to
     from calibration.least_squares import fit_least_squares, least_squares_summary
     from calibration.summary import summary
     from mfopt.study.calibrated import calibrated_material
     from mfopt.study.material_file import material_text
 
+    def evaluate(candidates: Sequence[Candidate]) -> list[Evaluation]:
+        return driver.evaluate(candidates, parts.ladder, "none")
+
+    def further(candidates: Sequence[Candidate]) -> list[Evaluation]:
+        return driver.evaluate(candidates, Ladder(parts.possible), "none")
+
     if method is Method.LBFGSB:
         found = fit_least_squares(parts.case, parts.noises, evaluate, runs)
         its = least_squares_summary(found, parts.case, parts.rig.channels)
         return its.as_json, its.in_words, None
     campaign = fitted_to(parts.case, parts.noises, evaluate, runs, errors)
-    result = summary(campaign, parts.case, parts.problem, parts.noises, parts.rig.channels)
+    advice: tuple[records.Advice, ...] = ()
+    if advise:
+        advice, _ = told_most(
+            parts.case, [level.name for level in parts.possible], campaign.fitted.posterior,
+            parts.noises, further, len(campaign.evaluations),
+        )  # fmt: skip
+    result = summary(campaign, parts.case, parts.problem, parts.noises, parts.rig.channels, advice)
     material = calibrated_material(result, parts)
     text = None if material is None else material_text(material)
     return records.as_json(result), result.words, text

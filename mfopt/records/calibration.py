@@ -77,6 +77,15 @@ class Measured:
 
 
 @dataclass(frozen=True, slots=True)
+class Advice:
+    """What the recording of one possible experiment would tell."""
+
+    name: str
+    narrower: Mapping[str, float]  # interval of each parameter afterwards over today's
+    failed: int  # of its runs
+
+
+@dataclass(frozen=True, slots=True)
 class Summary:
     """A whole calibration."""
 
@@ -97,6 +106,7 @@ class Summary:
     runs: int
     failed: int
     cpu_s: float
+    advice: tuple[Advice, ...]  # on further recordings; empty if it was not asked for
     words: list[str]  # the result, one sentence a line
 
 

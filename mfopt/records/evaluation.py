@@ -22,6 +22,7 @@ Purpose = Literal[
     "design",  # of a calibration: parameters spread over their ranges
     "refine",  # parameters that the recordings leave possible
     "predict",  # the same, to be compared with the recordings
+    "possible",  # the same, under the conditions of an experiment that nobody has made
 ]
 
 

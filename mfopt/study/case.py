@@ -13,15 +13,15 @@ from calibration.recordings.case_file import complete_case
 from calibration.recordings.case_settings import read_case_settings
 from calibration.recordings.noise import measurement_noise
 from calibration.recordings.records import Noise
-from calibration.rig import Rig
+from calibration.rig import Conditions, Rig
 from fidelity.engine import Engine
 from fidelity.programs.rig import ProgramRig
 from fidelity.rig import SceneRig
 from fidelity.scenes.beads import Vessel
 from mfopt.arrays import frozen
-from mfopt.errors import ConfigError
+from mfopt.errors import ConfigError, InvalidDesign
 from mfopt.limits import TimeLimit, Word
-from mfopt.records.level import Ladder
+from mfopt.records.level import Ladder, Level
 from mfopt.records.objective import Criteria, Objective
 from mfopt.records.problem import Problem, Variable
 from mfopt.records.rig import Channel
@@ -53,6 +53,7 @@ class AssembledCase:
     rig: Rig
     problem: Problem  # the parameters as variables
     ladder: Ladder  # the rig under the conditions of each recording, by its name
+    possible: tuple[Level, ...]  # further experiments, by what they are called
     noises: Mapping[str, Noise]  # by channel
     text: str  # of the case file
     meaning: Mapping[str, Any]  # all that the runs depend on
@@ -78,9 +79,12 @@ def assemble_case(path: Path) -> AssembledCase:
         ),
         frozen([(p.low + p.high) / 2.0 for p in case.parameters]),
     )
+    given = {p.name: p.conditions for p in settings.possible}
+    further = _levels(rig, given, names) if given else _possible_levels(rig, names)
     channels = sorted({c for recording in case.recordings for c in recording.channels})
     noises = {c: measurement_noise(case.recordings, c, case.measurement.of(c)) for c in channels}
-    return AssembledCase(case, rig, problem, ladder, noises, text, _meaning(path, case, text))
+    meaning = _meaning(path, case, text)
+    return AssembledCase(case, rig, problem, ladder, further, noises, text, meaning)
 
 
 def _parameters(case: Case, rig: Rig, path: Path) -> tuple[tuple[Parameter, ...], tuple[str, ...]]:
@@ -105,6 +109,23 @@ def _parameters(case: Case, rig: Rig, path: Path) -> tuple[tuple[Parameter, ...]
             found.append(Parameter(name, low, high, log=its.log, asked=False))
             units.append(its.unit)
     return tuple(found), tuple(units)
+
+
+def _levels(
+    rig: Rig, conditions: Mapping[str, Conditions], parameters: tuple[str, ...]
+) -> tuple[Level, ...]:
+    return tuple(rig.level(name, its, parameters) for name, its in conditions.items())
+
+
+def _possible_levels(rig: Rig, parameters: tuple[str, ...]) -> tuple[Level, ...]:
+    """Those of the experiments that a rig proposes which can be built with these grains."""
+    made: list[Level] = []
+    for name, conditions in rig.possible.items():
+        try:
+            made += _levels(rig, {name: conditions}, parameters)
+        except (ConfigError, InvalidDesign):
+            continue
+    return tuple(made)
 
 
 class ChannelSettings(Settings):

@@ -45,6 +45,7 @@ class Tank:
 
     channels: ClassVar = {"level": Channel("level", "m", 1.0)}
     unsure: ClassVar[Mapping[str, tuple[float, float]]] = {}
+    possible: ClassVar[Mapping[str, Mapping[str, float | str]]] = {}
 
     def parameter(self, name: str) -> RigParameter:
         known = {"rate": RigParameter(0.0, 1.0, "-", "of the head"),
