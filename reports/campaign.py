@@ -191,10 +191,10 @@ def cost_words(cost: Cost) -> str:
 def hours(cpu_s: float) -> str:
     """CPU time in seconds, minutes or hours, whichever reads best."""
     if cpu_s < 60.0:
-        return f"{number(cpu_s, 2)}\u202fCPU s"
+        return f"{number(cpu_s, 2)}\u202fCPU\u202fs"
     if cpu_s < 3600.0:
-        return f"{number(cpu_s / 60.0, 2)}\u202fCPU min"
-    return f"{number(cpu_s / 3600.0, 3)}\u202fCPU h"
+        return f"{number(cpu_s / 60.0, 2)}\u202fCPU\u202fmin"
+    return f"{number(cpu_s / 3600.0, 3)}\u202fCPU\u202fh"
 
 
 def failures(rows: Sequence[Row]) -> list[Failure]:

@@ -77,7 +77,7 @@ def _whole(value: float | None) -> str:
 def comparison_lines(
     result: Result, name: str, shown: Display, quantities: Sequence[Quantity]
 ) -> list[list[str]]:
-    """Quantity, best, baseline and reduction, each with its interval, for what was confirmed."""
+    """Quantity, best, baseline and change, each with its interval, for what was confirmed."""
     lines = []
     if result.objective is not None:
         lines.append(_comparison(f"{name} [{shown.unit}]", result.objective, shown))
@@ -98,10 +98,17 @@ def _comparison(label: str, comparison: Comparison, shown: Display) -> list[str]
         label,
         shown.text(comparison.median_best), best,
         shown.text(comparison.median_baseline), baseline,
-        MISSING if comparison.reduction is None else PERCENT.full(comparison.reduction, 3),
-        MISSING if comparison.reduction_interval is None
-        else interval_text(comparison.reduction_interval, PERCENT, 3),
+        MISSING if comparison.reduction is None else change_text(comparison.reduction),
+        MISSING if (its := comparison.reduction_interval) is None
+        else f"{change_text(its.high, unit=False)} to {change_text(its.low)}",
     ]  # fmt: skip
+
+
+def change_text(reduction: float, *, unit: bool = True) -> str:
+    """A reduction [%] as a change, with a sign: less than before is negative."""
+    change = 0.0 - reduction
+    text = PERCENT.full(change, 3) if unit else PERCENT.text(change, 3)
+    return f"+{text}" if change > 0.0 else text
 
 
 def belief_lines(result: Result, shown: Display) -> list[list[str]]:

@@ -107,7 +107,7 @@ def test_search_confirmation_and_reference_are_told_apart() -> None:
     assert [(c.phase, c.runs, c.work) for c in made] == [
         ("search", 2, 1.0), ("confirmation", 2, 1.0), ("reference", 1, 0.5),
     ]  # fmt: skip
-    assert cost_words(made[0]) == "1.00 full runs, 3.0\u202fCPU min"
+    assert cost_words(made[0]) == "1.00 full runs, 3.0\u202fCPU\u202fmin"
 
 
 def test_every_purpose_has_a_phase() -> None:

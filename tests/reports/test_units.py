@@ -4,6 +4,7 @@ import math
 
 import pytest
 
+from reports.tables import change_text
 from reports.units import Display, design_display, display, number
 
 
@@ -59,3 +60,11 @@ def test_design_values_resolve_a_thousandth_of_their_range() -> None:
         a, b = shown.text(lower + step / 2), shown.text(lower + 2.6 * step)
         assert a != b
         assert len(a) <= 6
+
+
+@pytest.mark.parametrize(
+    ("reduction", "text"),
+    [(-192.0, "+192\u202f%"), (40.0, "\u221240.0\u202f%"), (0.0, "0\u202f%")],
+)
+def test_less_than_before_is_a_negative_change(reduction: float, text: str) -> None:
+    assert change_text(reduction) == text

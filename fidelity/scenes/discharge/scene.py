@@ -100,7 +100,8 @@ class Discharge(VesselScene):
         """The hopper, and the grains of the target level."""
         steep = np.degrees(built(self.settings, x).floor_angle)
         note = f"The floor stands at {steep:.0f}° to the horizontal."
-        return replace(VesselScene.view(self, x, dem), notes=(note,))
+        counted_at = f"{self.settings.fall_mm:g} mm below the outlet"
+        return replace(VesselScene.view(self, x, dem), notes=(note,), counted_at=counted_at)
 
     def meshes(self, x: Array) -> Mapping[str, Mesh]:
         """The hopper, as high as the portion fills it."""
