@@ -68,7 +68,7 @@ def summary(*parameters: Found) -> Summary:
     return Summary(
         "glass-beads", parameters, directions=(), combinations=[], correlation=[], draws=[],
         log_evidence=0.0, misfit=9.0, freedom=9, probability=0.4, fits=True, recordings=(),
-        compared=(), noise=(), runs=200, failed=0, cpu_s=1.0, words=[],
+        compared=(), noise=(), runs=200, failed=0, cpu_s=1.0, advice=(), words=[],
     )  # fmt: skip
 
 
