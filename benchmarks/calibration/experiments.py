@@ -13,6 +13,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -150,15 +151,15 @@ def write_case(experiment: Experiment, directory: Path) -> Path:
         zero, clock = rng.normal(0.0, ZERO), rng.normal(0.0, CLOCK)
         for repeat in range(setting.repeats):
             its = runs[experiment.name, setting.name, repeat]
-            text = _recorded(its, rng, zero, clock)
+            text = recorded_text(its, rng, zero, clock)
             (directory / f"{setting.name}-{repeat + 1}.csv").write_text(text)
     path = directory / "case.toml"
     path.write_text(_case_text(experiment))
     return path
 
 
-def _recorded(
-    its: Mapping[str, list[float]], rng: np.random.Generator, zero: float, clock: float
+def recorded_text(
+    its: Mapping[str, Any], rng: np.random.Generator, zero: float, clock: float
 ) -> str:
     times = np.arange(0.0, its["time"][-1], 1.0 / RATE)
     true = {c: np.interp(times, its["time"], its[c]) for c in CHANNELS}
@@ -183,9 +184,9 @@ def _case_text(experiment: Experiment) -> str:
     parts = [
         f'[case]\nname = "{experiment.name}"\nseed = 1',
         '[rig]\nscene = "discharge"',
-        _table("rig.discharge", HOPPER),
-        _table("rig.grains", GRAINS),
-        _table("rig.level", {"spheres_per_grain": 1, "young_modulus_pa": STATED}),
+        table("rig.discharge", HOPPER),
+        table("rig.grains", GRAINS),
+        table("rig.level", {"spheres_per_grain": 1, "young_modulus_pa": STATED}),
         *(f"[parameters.{name}]\nrange = [{low}, {high}]" for name, (low, high) in TRUTHS.items()),
         f"[measurement]\nclock_error = {CLOCK}",
         f'[measurement.level]\nunit = "mm"\noffset = {1e3 * ZERO}',
@@ -200,7 +201,8 @@ def _case_text(experiment: Experiment) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def _table(name: str, content: Mapping[str, float]) -> str:
+def table(name: str, content: Mapping[str, float]) -> str:
+    """A table of TOML."""
     return "\n".join([f"[{name}]", *(f"{key} = {value}" for key, value in content.items())])
 
 
