@@ -9,7 +9,7 @@ are those of each fitted recording. Known fits are not made again.
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -44,7 +44,10 @@ RANGES = {"friction": (0.1, 0.8), "rolling_resistance.coefficient": (0.0, 0.3)}
 ROLLING = list(RANGES)[1]
 REPEATS = 3
 ANGLE, RADIUS = 0.02, 0.002  # [rad], [m] 1 sd of reading the heap off a picture
-RECORDED = {"discharge": {"opening_mm": 30.0}, "heap": {"scene": "heap"}}
+RECORDED: Mapping[str, Mapping[str, float | str]] = {
+    "discharge": {"opening_mm": 30.0},
+    "heap": {"scene": "heap"},
+}
 HEAP = ("angle_of_repose", "radius_of_the_heap")
 
 
@@ -126,10 +129,8 @@ def _text(number: int, names: Sequence[str], directory: Path) -> str:
         rng = np.random.default_rng([23, number, place])
         seeds = [6_000_000 + 1000 * number + 10 * place + repeat for repeat in range(REPEATS)]
         raws = [level.evaluate(truth_of(number), seed=seed).raw for seed in seeds]
-        conditions = ", ".join(
-            f'{k} = "{v}"' if isinstance(v, str) else f"{k} = {v}"
-            for k, v in RECORDED[name].items()
-        )
+        shown = {k: f'"{v}"' if isinstance(v, str) else v for k, v in RECORDED[name].items()}
+        conditions = ", ".join(f"{key} = {value}" for key, value in shown.items())
         head = f'[[recording]]\nname = "{name}"\nconditions = {{ {conditions} }}'
         if name == "heap":
             angle = [round(float(r[HEAP[0]]) + ANGLE * rng.normal(), 4) for r in raws]
