@@ -119,6 +119,7 @@ def _found(posterior: Posterior, problem: Problem, prior: Array) -> tuple[Found,
                 share,
                 share < DETERMINED,
                 posterior.parameters[i].asked,
+                posterior.parameters[i].log,
             )
         )
     return tuple(found)

@@ -23,6 +23,7 @@ from mfopt.errors import ConfigError
 from mfopt.records.objective import Criteria
 from mfopt.records.outcome import Outcome
 from mfopt.records.rig import TIME, Channel, RigParameter
+from mfopt.records.view import DesignView
 from mfopt.settings import checked, nearest
 
 FEWEST_GRAINS, MOST_GRAINS = 20, 100_000
@@ -201,6 +202,14 @@ class RigLevel:
         outcome = level.evaluate(design, seed=seed)
         raw = series_of(level.scene.criteria(), outcome) if outcome.finished else {}
         return replace(outcome, x=frozen(x), raw=raw)
+
+    def pictured(
+        self, x: Array, *, seed: int, moments: int
+    ) -> tuple[Mapping[str, AnyArray], DesignView]:
+        """Raw results of a run with all grains at so many moments, and the machine around them."""
+        level, design = self._level(x)
+        outcome = replace(level, snapshots=moments).evaluate(design, seed=seed)
+        return outcome.raw, level.scene.view(design, level.dem)
 
     def scene(self, x: Array) -> SceneLevel:
         """The level of the scene with the parameters `x` (d,) set."""

@@ -44,14 +44,15 @@ SLENDER = 0.45  # width to height of a picture, up to which four fit side by sid
 TALLEST = 7.2  # [inch] height of all pictures of a figure: a page of A4 with its caption
 
 
-def _figure(
-    height: float, panels: int, ratios: Sequence[float], top: float = 0.1, bottom: float = 0.5
+def panels_over_time(
+    height: float, panels: int, ratios: Sequence[float] = (), top: float = 0.1, bottom: float = 0.5
 ) -> "tuple[Figure, list[Axes]]":
+    """Panels one above the other on one horizontal axis; heights and margins in inch."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(WIDTH, height))
     grid = {
-        "height_ratios": list(ratios), "hspace": 0.08, "left": 0.1, "right": 0.99,
+        "height_ratios": list(ratios) or None, "hspace": 0.08, "left": 0.1, "right": 0.99,
         "bottom": bottom / height, "top": 1.0 - top / height,
     }  # fmt: skip
     axes = figure.subplots(panels, 1, sharex=True, gridspec_kw=grid)
@@ -75,18 +76,20 @@ def styled() -> Iterator[None]:
         yield
 
 
-def legend_below(figure: "Figure", axes: "Sequence[Axes]") -> None:
+def legend_below(figure: "Figure", axes: "Sequence[Axes]", columns: int = 2) -> None:
     """One legend for all panels, below them, so that no data is covered."""
     named = [pair for axis in axes for pair in zip(*axis.get_legend_handles_labels(), strict=True)]
     if named:
         handles, labels = zip(*named, strict=True)
-        figure.legend(handles, labels, loc="lower center", ncols=2, fontsize=8, borderaxespad=0.2)
+        figure.legend(
+            handles, labels, loc="lower center", ncols=columns, fontsize=8, borderaxespad=0.2
+        )
 
 
-def short(name: str) -> str:
+def short(name: str, longest: int = LONGEST_NAME) -> str:
     """A name in one line, cut to the room that a figure has."""
     line = " ".join(name.split())
-    return line if len(line) <= LONGEST_NAME else f"{line[: LONGEST_NAME - 1]}\u2026"
+    return line if len(line) <= longest else f"{line[: longest - 1]}\u2026"
 
 
 def drawable(values: ArrayLike) -> Array:
@@ -134,7 +137,7 @@ def progress(
         values = drawable([s.quantities.get(second, math.nan) * factor for s in steps])
         two = bool(np.isfinite(values).any())
         ratios = [1.7, 1.0][: 1 + two]
-        figure, axes = _figure(5.0 if two else 3.8, 1 + two, ratios, 0.45, bottom=0.95)
+        figure, axes = panels_over_time(5.0 if two else 3.8, 1 + two, ratios, 0.45, bottom=0.95)
         place = np.array([s.generation.number for s in steps])
         best = drawable([s.best * shown.factor for s in steps])
         median = drawable([s.median * shown.factor for s in steps])
@@ -239,7 +242,7 @@ def label_rows(lefts: Sequence[float], labels: Sequence[str]) -> list[int]:
 def motion(best: DesignView, baseline: DesignView | None) -> str:
     """Position and velocity of the moving part over time, on aligned panels."""
     with styled():
-        figure, axes = _figure(3.7, 2, [1.25, 1.0])
+        figure, axes = panels_over_time(3.7, 2, [1.25, 1.0])
         lines = [(best, "best", BLUE, "-"), (baseline, "baseline", ORANGE, "--")]
         for view, label, colour, dashes in lines:
             if view is not None and len(view.motion_times):
@@ -271,7 +274,7 @@ def passages(best: Sequence[Array], baseline: Sequence[Array], clock: str) -> st
         clock: what they are counted from, in words.
     """
     with styled():
-        figure, axes = _figure(3.7, 2, [1.0, 1.1])
+        figure, axes = panels_over_time(3.7, 2, [1.0, 1.1])
         every = np.concatenate([*best, *baseline]) * 1e3
         edges = np.linspace(every.min(), max(every.max(), every.min() + 1.0), 41)
         curves = [(best, "best", BLUE, "-"), (baseline, "baseline", ORANGE, "--")]
@@ -306,6 +309,7 @@ def snapshots(
     from matplotlib.cm import ScalarMappable
     from matplotlib.collections import LineCollection
     from matplotlib.colors import Normalize
+    from matplotlib.ticker import MaxNLocator
 
     with styled():
         mm = [1e3 * e for e in extent]
@@ -316,6 +320,7 @@ def snapshots(
             axis.set_title(f"{time * 1e3:.0f} ms", fontsize=9, weight="bold", pad=4)
             axis.grid(False)
             axis.set(xlim=mm[:2], ylim=mm[2:])
+            axis.xaxis.set_major_locator(MaxNLocator(5, prune="both"))  # or neighbours collide
             place = axis.get_subplotspec()
             if place is not None and place.is_last_row():
                 axis.set_xlabel("x [mm]")

@@ -35,16 +35,28 @@ def write_report(
     """
     with np.errstate(all="ignore"):  # what overflows is shown as such
         page = context(run, describe)
-    write_aside(html, _html(page).encode())
+    write_pages(page, HERE, html, pdf)
+
+
+def write_pages(page: Mapping[str, Any], templates: Path, html: Path, pdf: Path | None) -> None:
+    """Set a page by `template.html` and `template.typ` of that folder, the HTML first.
+
+    Args:
+        page: what the templates name.
+        templates: the folder; templates may also name the shared ones of this folder.
+        html: file to write.
+        pdf: file to write, or None for no PDF.
+    """
+    write_aside(html, _html(page, templates).encode())
     if pdf is not None:
-        write_aside(pdf, _pdf(page))
+        write_aside(pdf, _pdf(page, templates))
 
 
-def _html(page: Mapping[str, Any]) -> str:
+def _html(page: Mapping[str, Any], templates: Path) -> str:
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     environment = Environment(
-        loader=FileSystemLoader(HERE), autoescape=True, undefined=StrictUndefined,
+        loader=FileSystemLoader([templates, HERE]), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
     environment.filters["svg"] = lambda text: _data("image/svg+xml", text.encode())
@@ -58,7 +70,7 @@ def _data(kind: str, content: bytes) -> str:
     return f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"
 
 
-def _pdf(page: Mapping[str, Any]) -> bytes:
+def _pdf(page: Mapping[str, Any], templates: Path) -> bytes:
     """Set the page by Typst, in a directory that holds all that it may read.
 
     The fonts are those that come with matplotlib, so that the pages are the same everywhere.
@@ -68,13 +80,14 @@ def _pdf(page: Mapping[str, Any]) -> bytes:
 
     with scratch() as folder:
         designs = []
-        for i, (label, picture) in enumerate(page["designs"]):
+        for i, (label, picture) in enumerate(page.get("designs", ())):
             (folder / f"{i}.png").write_bytes(picture)
             designs.append((label, f"{i}.png"))
         shown = {key: value for key, value in page.items() if key != "scene"}
         text = json.dumps({**shown, "designs": designs}, default=asdict)
         (folder / "page.json").write_text(text, encoding="utf-8")
-        shutil.copy(HERE / "template.typ", folder)
+        shutil.copy(HERE / "shared.typ", folder)
+        shutil.copy(templates / "template.typ", folder)
         return typst.compile(
             folder / "template.typ", root=folder, ignore_system_fonts=True,
             font_paths=[Path(get_data_path(), "fonts", "ttf")],

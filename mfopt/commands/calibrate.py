@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from mfopt.arrays import frozen
 from mfopt.campaign.begin import begin, check_disk
 from mfopt.campaign.driver import Driver
 from mfopt.campaign.driver import Progress as Made
@@ -17,6 +18,7 @@ from mfopt.campaign.header import header
 from mfopt.campaign.local_workers import local_processes
 from mfopt.campaign.memory import Memory
 from mfopt.campaign.store import writing
+from mfopt.commands.report import write_calibration_pages
 from mfopt.commands.shared import AsJson, Into, Quiet, Resume, console
 from mfopt.errors import ConfigError
 from mfopt.files.whole import full_disk_named, write_aside
@@ -31,6 +33,7 @@ if TYPE_CHECKING:
     from mfopt.study.case import AssembledCase
 
 RUNS = 200
+MOMENTS = 4  # at which the grains of the best fit are drawn
 # The errors that a fit allows for; calibration.likelihood.Parts has the same names.
 PARTS = ("packing", "measurement", "emulator", "constant", "clock", "allowance")
 RESULT = {"posterior": records.FILE, "lbfgsb": "least-squares.json"}
@@ -115,6 +118,9 @@ def calibrate(
         if material is not None:
             write_aside(path / "material.toml", material.encode())
             on.print(f"wrote {path / 'material.toml'}")
+        if method is Method.POSTERIOR:
+            _draw_best_fit(parts, path)
+            write_calibration_pages(into, on)
     if as_json:
         typer.echo(result)
     else:
@@ -160,6 +166,20 @@ def _found(
     material = calibrated_material(result, parts)
     text = None if material is None else material_text(material)
     return records.as_json(result), result.words, text
+
+
+def _draw_best_fit(parts: "AssembledCase", path: Path) -> None:
+    """Draw a run with the best parameters, if the simulator is a scene of mfopt."""
+    from fidelity.rig import RigLevel
+    from reports.calibration.figures import BEST_FIT
+    from reports.pictures import snapshots
+
+    level = parts.ladder[parts.case.fitted[0].name]
+    if isinstance(level, RigLevel):
+        best = frozen([p.best for p in records.read_summary(path).parameters])
+        drawn = snapshots(*level.pictured(best, seed=parts.case.seed, moments=MOMENTS))
+        if drawn is not None:
+            write_aside(path / BEST_FIT, drawn.encode())
 
 
 def _header(

@@ -1,21 +1,27 @@
 """`mfopt report`: the HTML and PDF pages of a run directory."""
 
+from pathlib import Path
+
 from rich.console import Console
 
 from mfopt.arrays import Array
-from mfopt.campaign.store import RunDirectory
+from mfopt.campaign.store import RunDirectory, open_run
 from mfopt.commands.shared import Quiet, RunPath, console
 from mfopt.files.whole import full_disk_named
 from mfopt.records.view import DesignView
 from mfopt.study.assemble import drawn
 from mfopt.study.file import Study
-from mfopt.study.stored import open_stored
+from mfopt.study.stored import holds_calibration, open_stored
 
 
 def report(path: RunPath, quiet: Quiet = False) -> None:
     """Write report.html and report.pdf of a finished, running or broken-off run."""
+    on = console(quiet=quiet)
     with full_disk_named(path):
-        write_reports(*open_stored(path), console(quiet=quiet))
+        if holds_calibration(path):
+            write_calibration_pages(open_run(path), on)
+        else:
+            write_reports(*open_stored(path), on)
 
 
 def write_reports(run: RunDirectory, study: Study | None, on: Console) -> None:
@@ -30,7 +36,21 @@ def write_reports(run: RunDirectory, study: Study | None, on: Console) -> None:
         scene, dem = seen
         return scene.view(x, dem)
 
-    pages = {"html": run.path / "report.html", "pdf": run.path / "report.pdf"}
+    pages = _pages(run)
     write_report(run, describe=describe, **pages)
     for page in pages.values():
         on.print(f"wrote {page}")
+
+
+def write_calibration_pages(run: RunDirectory, on: Console) -> None:
+    """Write the reports of a calibration that has ended."""
+    from reports.calibration import write_calibration_report
+
+    pages = _pages(run)
+    write_calibration_report(run, **pages)
+    for page in pages.values():
+        on.print(f"wrote {page}")
+
+
+def _pages(run: RunDirectory) -> dict[str, Path]:
+    return {"html": run.path / "report.html", "pdf": run.path / "report.pdf"}

@@ -26,6 +26,7 @@ class Found:
     share: float  # width of the interval over that of the prior
     determined: bool
     asked: bool  # False: left free because nobody knows it exactly
+    log: bool  # True: its logarithm is spread evenly
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +127,10 @@ def read_summary(directory: Path) -> Summary:
     try:
         text = path.read_bytes()
     except FileNotFoundError as error:
-        raise ConfigError(f"there is no {path}: the calibration has not ended; {again}") from error
+        raise ConfigError(
+            f"there is no {path}: the calibration has not ended, or is one by least squares; "
+            f"without --method {again}"
+        ) from error
     try:
         return TypeAdapter(Summary).validate_json(text)
     except ValidationError as error:

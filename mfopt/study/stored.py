@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from mfopt.campaign.run_header import read_header
 from mfopt.campaign.store import RunDirectory, open_run
 from mfopt.errors import ConfigError
 from mfopt.study.assemble import scene_of
@@ -10,6 +11,15 @@ from mfopt.study.material import with_material
 from mfopt.study.material_file import material_of_tables
 
 CALIBRATE = "calibrate"  # the method of a run directory that holds a calibration
+
+
+def holds_calibration(path: Path) -> bool:
+    """Whether the run directory is one of a calibration.
+
+    Raises:
+        ConfigError: if there is no run, or it is of another format.
+    """
+    return bool(read_header(path / "run.json")["method"] == CALIBRATE)
 
 
 def open_stored(path: Path) -> tuple[RunDirectory, Study | None]:
@@ -23,7 +33,7 @@ def open_stored(path: Path) -> tuple[RunDirectory, Study | None]:
     if run.header["method"] == CALIBRATE:
         raise ConfigError(
             f"{path} holds a calibration, not a study; its result is in {path}/calibration.json, "
-            f"and mfopt calibrate CASE --directory {path} --resume prints it"
+            f"and mfopt status {path} prints it"
         )
     text = run.study()
     if not text:

@@ -12,6 +12,7 @@ from mfopt.commands.app import app
 from mfopt.errors import ConfigError
 from mfopt.study.case import assemble_case
 from mfopt.study.material_file import read_material
+from mfopt.study.stored import open_stored
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "calibration" / "beads"
 COARSE = ("--runs", "50", "--workers", "1")
@@ -70,11 +71,37 @@ def test_a_run_that_is_whole_is_not_made_again(case: Path, done: Path) -> None:
     assert (done / "calibration.json").read_bytes() == told
 
 
+def test_a_calibration_is_not_taken_for_a_study(done: Path) -> None:
+    with pytest.raises(ConfigError, match="holds a calibration"):
+        open_stored(done)
+
+
+def test_status_prints_the_result(done: Path) -> None:
+    result = CliRunner().invoke(app, ["status", str(done)])
+    assert result.exit_code == 0
+    assert (
+        result.output.splitlines() == json.loads((done / "calibration.json").read_text())["words"]
+    )
+
+
+def test_the_report_is_there_with_pictures_and_can_be_written_again(done: Path) -> None:
+    first = (done / "report.html").read_text()
+    assert "The best fit at work" in first
+    (done / "report.html").unlink()
+    (done / "report.pdf").unlink()
+    assert CliRunner().invoke(app, ["report", str(done)]).exit_code == 0
+    assert (done / "report.html").read_text() == first
+    assert (done / "report.pdf").read_bytes().startswith(b"%PDF")
+
+
 @pytest.mark.parametrize("command", ["status", "report"])
-def test_a_calibration_is_not_taken_for_a_study(done: Path, command: str) -> None:
+def test_a_calibration_that_has_not_ended_is_refused(done: Path, command: str) -> None:
+    kept = (done / "calibration.json").read_bytes()
+    (done / "calibration.json").unlink()
     result = CliRunner().invoke(app, [command, str(done)])
+    (done / "calibration.json").write_bytes(kept)
     assert result.exit_code == 2
-    assert "calibration.json" in result.output
+    assert "has not ended" in result.output
 
 
 def test_changed_recordings_are_another_calibration(case: Path, done: Path) -> None:

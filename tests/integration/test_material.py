@@ -55,7 +55,17 @@ COARSE = 'scene = "discharge"\ncoarse = 3\n'  # 57 grains instead of 1528
 def found(name: str, value: float, *, asked: bool = True, determined: bool = True) -> Found:
     low, high = 0.8 * value, 1.2 * value
     return Found(
-        name, "-", low / 2, 2 * high, value, value, (low, high), 0.2, determined, asked=asked
+        name,
+        "-",
+        low / 2,
+        2 * high,
+        value,
+        value,
+        (low, high),
+        0.2,
+        determined,
+        asked=asked,
+        log=False,
     )
 
 

@@ -1,0 +1,238 @@
+"""The figures of a calibration's report as SVG. This module only draws."""
+
+from collections.abc import Sequence
+from itertools import cycle
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mfopt.arrays import Array
+from mfopt.records.calibration import Compared, Found
+from reports.calibration.units import label, shown, words
+from reports.charts import (
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    WIDTH,
+    as_svg,
+    legend_below,
+    panels_over_time,
+    short,
+    styled,
+)
+from reports.units import Display
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
+
+COLOURS = (BLUE, ORANGE, GREEN, PURPLE, "#56B4E9", "#B8860B", GREY)
+TALLEST = 8.4  # [inch] a page of A4 with heading and caption
+PANEL = 1.45  # [inch] height of a panel over time; two figures of two fit a page
+LEGEND_ROW = 0.19  # [inch]
+EXPLAINED = 2.0  # standard deviations that about 95 % of residuals do not exceed
+BINS = 24
+MOST_PARAMETERS = 7  # of a posterior figure: more are too small to read
+
+
+def recording(channels: Sequence[Compared], *, held_out: bool) -> str:
+    """Recorded points and simulated mean with its band over time, a panel a channel."""
+    with styled():
+        colour = ORANGE if held_out else BLUE
+        height = min(TALLEST, 0.9 + PANEL * len(channels))
+        figure, axes = panels_over_time(height, len(channels), bottom=0.75)
+        time = shown("s", [max(c.times[-1] for c in channels if c.times)])
+        for axis, its in zip(axes, channels, strict=True):
+            unit = shown(its.unit, [*its.recorded, *its.high])
+            t = np.array(its.times) * time.factor
+            low, high, mean, seen = (
+                np.array(v) * unit.factor for v in (its.low, its.high, its.simulated, its.recorded)
+            )
+            axis.fill_between(t, low, high, color=colour, alpha=0.2, lw=0.0,
+                              label="simulated: 90 % of single runs")  # fmt: skip
+            axis.plot(t, mean, color=colour, ls="--" if held_out else "-", label="simulated: mean")
+            axis.plot(t, seen, "o", color="#222222", ms=2.6, mfc="white", mew=0.8, label="recorded")
+            axis.set_ylabel(label(words(its.channel), unit))
+            axis.margins(x=0.01)
+        axes[-1].set_xlabel(label("time", time))
+        figure.align_ylabels(axes)
+        legend_below(figure, axes[:1], columns=3)
+        return as_svg(figure)
+
+
+def residuals(compared: Sequence[Compared]) -> str:
+    """Recorded less simulated over time, over what noise and packing explain; a panel a channel."""
+    with styled():
+        channels = list(dict.fromkeys(c.channel for c in compared))
+        names = list(dict.fromkeys(c.recording for c in compared))
+        looks = dict(
+            zip(names, zip(cycle(COLOURS), _dashes(len(names)), strict=False), strict=False)
+        )
+        rows = -(-len(names) // 2)
+        bottom = 0.6 + LEGEND_ROW * rows
+        height = min(TALLEST, 0.1 + bottom + PANEL * len(channels))
+        figure, axes = panels_over_time(height, len(channels), bottom=bottom)
+        time = shown("s", [max(c.times[-1] for c in compared if c.times)])
+        largest = EXPLAINED
+        for axis, channel in zip(axes, channels, strict=True):
+            axis.axhspan(-EXPLAINED, EXPLAINED, color="#eef3f7", zorder=0)
+            axis.axhline(0.0, color=GREY, lw=0.7)
+            for its in compared:
+                if its.channel == channel:
+                    away = residual(its)
+                    largest = max(largest, float(np.max(np.abs(away))))
+                    colour, dashes = looks[its.recording]
+                    axis.plot(np.array(its.times) * time.factor, away, color=colour, lw=1.3,
+                              ls=dashes)  # fmt: skip
+            axis.set_ylabel(f"{words(channel)}\nresidual / sd")
+            axis.margins(x=0.01)
+        for axis in axes:
+            axis.set_ylim(-1.1 * largest, 1.1 * largest)
+        held = {c.recording for c in compared if c.held_out}
+        for name, (colour, dashes) in looks.items():
+            text = short(name, 40) + " (held out)" * (name in held)
+            axes[0].plot([], [], color=colour, ls=dashes, lw=1.3, label=text)
+        axes[-1].set_xlabel(label("time", time))
+        figure.align_ylabels(axes)
+        legend_below(figure, axes[:1])
+        return as_svg(figure)
+
+
+def residual(its: Compared) -> Array:
+    """Recorded less simulated (m,), in standard deviations of what noise and packing explain."""
+    expected = np.array(its.expected)
+    away = np.array(its.recorded) - np.array(its.simulated)
+    return np.where(expected > 0.0, away / expected, 0.0)
+
+
+def _dashes(count: int) -> list[str]:
+    """Line styles: a colour that returns has another one."""
+    kinds = ("-", "--", ":", "-.")
+    return [kinds[(i // len(COLOURS)) % len(kinds)] for i in range(count)]
+
+
+def numbers(compared: Sequence[Compared]) -> str:
+    """Recorded numbers beside the simulated ones, a strip each."""
+    from matplotlib.figure import Figure
+
+    with styled():
+        count = len(compared)
+        height = 0.5 + 0.85 * count
+        figure = Figure(figsize=(WIDTH, height))
+        axes = np.atleast_1d(figure.subplots(count, 1, squeeze=True))
+        figure.subplots_adjust(
+            left=0.34, right=0.97, top=1.0 - 0.08 / height, bottom=0.72 / height, hspace=1.25
+        )
+        for axis, its in zip(axes, compared, strict=True):
+            _strip(axis, its)
+        legend_below(figure, list(axes[:1]), columns=2)
+        return as_svg(figure)
+
+
+def _strip(axis: "Axes", its: Compared) -> None:
+    unit = shown(its.unit, [*its.recorded, *its.high])
+    seen, mean, low, high = (
+        v[0] * unit.factor for v in (its.recorded, its.simulated, its.low, its.high)
+    )
+    axis.errorbar([mean], [0.0], xerr=[[mean - low], [high - mean]], fmt="s", ms=5, capsize=3,
+                  color=ORANGE if its.held_out else BLUE,
+                  label="simulated: mean, 90 % of single runs")  # fmt: skip
+    axis.plot([seen], [0.0], "o", color="#222222", ms=6, mfc="white", mew=1.3, label="recorded")
+    axis.set(yticks=[0.0], ylim=(-1.0, 1.0), xlabel=label(words(its.channel), unit))
+    axis.set_yticklabels([short(its.recording, 30) + "\n(held out)" * its.held_out])
+    axis.margins(x=0.15)
+
+
+def posterior(parameters: Sequence[Found], draws: Array, correlation: Array) -> str:
+    """Histograms on the diagonal, pairs of draws below, coefficients of correlation above."""
+    from matplotlib.figure import Figure
+
+    with styled():
+        count = len(parameters)
+        side = min(WIDTH, 2.4 + 1.2 * count)
+        height = side * (0.94 if count > 1 else 0.65)
+        figure = Figure(figsize=(side, height))
+        axes = figure.subplots(count, count, squeeze=False)
+        figure.subplots_adjust(
+            left=0.72 / side, right=1.0 - 0.12 / side, bottom=0.55 / height,
+            top=1.0 - 0.12 / height, wspace=0.09, hspace=0.09,
+        )  # fmt: skip
+        units = [shown(p.unit, draws[:, i]) for i, p in enumerate(parameters)]
+        values = draws * [unit.factor for unit in units]
+        for row in range(count):
+            for column in range(count):
+                axis = axes[row, column]
+                if row == column:
+                    _histogram(axis, parameters[row], values[:, row], units[row])
+                elif row > column:
+                    axis.plot(values[:, column], values[:, row], "o", color=BLUE, ms=1.8,
+                              mew=0.0, alpha=0.45)  # fmt: skip
+                    axis.plot(*(parameters[k].best * units[k].factor for k in (column, row)), "+",
+                              color=ORANGE, ms=9, mew=1.8)  # fmt: skip
+                else:
+                    _coefficient(axis, float(correlation[row, column]))
+                if row >= column:
+                    _axes(axis, parameters, values, row, column, units)
+        return as_svg(figure)
+
+
+def _histogram(axis: "Axes", its: Found, values: Array, unit: Display) -> None:
+    low, high = _limits(its, values)
+    edges = np.geomspace(low, high, BINS + 1) if its.log else np.linspace(low, high, BINS + 1)
+    axis.hist(values, edges.tolist(), color=BLUE, alpha=0.35, histtype="stepfilled")
+    axis.axvline(its.best * unit.factor, color=ORANGE, lw=1.5)
+    for end in its.interval:
+        axis.axvline(end * unit.factor, color=GREY, lw=1.0, ls=":")
+
+
+def _limits(its: Found, values: Array) -> tuple[float, float]:
+    """The ends of an axis that holds all draws."""
+    low, high = float(values.min()), float(values.max())
+    if its.log:
+        wide = max((high / low) ** 0.06, 1.0 + 1e-9)
+        return low / wide, high * wide
+    wide = max(0.06 * (high - low), 1e-9 * abs(high), 1e-30)
+    return low - wide, high + wide
+
+
+def _coefficient(axis: "Axes", value: float) -> None:
+    axis.axis("off")
+    axis.text(0.5, 0.5, f"{value:+.2f}".replace("-", "\u2212"), ha="center", va="center",
+              transform=axis.transAxes, color="#222222", fontsize=9 + 3 * abs(value))  # fmt: skip
+
+
+def _axes(
+    axis: "Axes", parameters: Sequence[Found], values: Array, row: int, column: int,
+    units: Sequence[Display],
+) -> None:  # fmt: skip
+    """Limits, ticks and labels: at the left and lower edge only."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+
+    last = len(parameters) - 1
+    ends = [_limits(parameters[k], values[:, k]) for k in (column, row)]
+    sides: list[tuple[Axis, int, bool]] = [(axis.xaxis, column, row == last)]
+    axis.set_xlim(*ends[0])
+    if parameters[column].log:
+        axis.set_xscale("log")
+    if row == column:
+        axis.set_yticks([])
+        axis.spines["left"].set_visible(False)
+    else:
+        axis.set_ylim(*ends[1])
+        if parameters[row].log:
+            axis.set_yscale("log")
+        sides.append((axis.yaxis, row, column == 0))
+    for side, k, labelled in sides:
+        if parameters[k].log:
+            side.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=5))
+            side.set_minor_formatter(NullFormatter())
+            side.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        else:
+            side.set_major_locator(MaxNLocator(3 if last > 2 else 4))
+        side.set_tick_params(labelsize=7.5, labelbottom=labelled, labelleft=labelled)
+    if row == last:
+        axis.set_xlabel(label(short(parameters[column].name), units[column]), fontsize=8)
+    if column == 0 and row > 0:
+        axis.set_ylabel(label(short(parameters[row].name), units[row]), fontsize=8)

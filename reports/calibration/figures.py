@@ -1,0 +1,131 @@
+"""The figures of a calibration's report with their words, made once for HTML and PDF."""
+
+from pathlib import Path
+
+import numpy as np
+
+from mfopt.records.calibration import Compared, Summary
+from reports.calibration import charts
+from reports.calibration.sentences import listed
+from reports.calibration.units import words
+from reports.figures import Figure
+
+BEST_FIT = "best-fit.svg"  # in the run directory: pictures of a run at the best parameters
+
+
+def figures(its: Summary, directory: Path) -> dict[str, list[Figure]]:
+    """The figures that this calibration has, by their place on the page."""
+    return {
+        "posterior": [posterior(its)],
+        "fitted": [*recordings(its, held_out=False), *numbers(its, held_out=False)],
+        "held_out": [*recordings(its, held_out=True), *numbers(its, held_out=True)],
+        "residuals": residuals(its),
+        "best_fit": best_fit(its, directory),
+    }
+
+
+def posterior(its: Summary) -> Figure:
+    """What the recordings leave possible."""
+    shown = its.parameters[: charts.MOST_PARAMETERS]
+    one = len(shown) == 1
+    pairs = (
+        " Below the diagonal are pairs of parameters, above it their coefficients of correlation. "
+        "A narrow slope means that the recordings determine a combination better than each "
+        "parameter alone."
+    )
+    cut = f" Only the first {len(shown)} of {len(its.parameters)} parameters are shown."
+    return Figure(
+        charts.posterior(
+            shown,
+            np.array(its.draws)[:, : len(shown)],
+            np.array(its.correlation)[: len(shown), : len(shown)],
+        ),
+        f"Histogram of {shown[0].name}."
+        if one
+        else f"Histograms of {listed([p.name for p in shown])}, and scatter plots of their pairs.",
+        f"What the recordings leave possible: {len(its.draws)} equally likely draws. The orange "
+        f"{'line is' if one else 'lines and crosses are'} the best parameter"
+        f"{'' if one else 's'}, dotted lines hold 90\u202f% of the draws."
+        + pairs * (not one)
+        + cut * (len(shown) < len(its.parameters)),
+        "What the recordings leave possible",
+        "natural",
+    )
+
+
+def recordings(its: Summary, *, held_out: bool) -> list[Figure]:
+    """Each recording with series beside its simulations."""
+    made = []
+    for recording in its.recordings:
+        channels = [c for c in its.compared if c.recording == recording.name and c.times]
+        if recording.held_out is not held_out or not channels:
+            continue
+        count = recording.repeats
+        of = "one repeat" if count == 1 else f"the mean over the {count} repeats"
+        use = "held out: only predicted" if held_out else "fitted"
+        made.append(
+            Figure(
+                charts.recording(channels, held_out=held_out),
+                f"Recorded and simulated {listed([words(c.channel) for c in channels])} over "
+                f"time in the recording {recording.name}.",
+                f"{recording.name} ({use}). Points are {of}, averaged around each point. The line "
+                "is the mean of runs with drawn parameters, each on a packing of its own. Of such "
+                "single runs 90\u202f% lie in the band.",
+            )
+        )
+    return made
+
+
+def numbers(its: Summary, *, held_out: bool) -> list[Figure]:
+    """Recorded numbers beside simulated ones."""
+    found = [c for c in its.compared if c.times is None and c.held_out is held_out]
+    if not found:
+        return []
+    names = [f"{words(c.channel)} of {c.recording}" for c in found]
+    return [
+        Figure(
+            charts.numbers(found),
+            f"Recorded and simulated {listed(names)}.",
+            "Recorded numbers, each the mean over the repeats, beside runs with drawn parameters. "
+            "The bar holds 90\u202f% of single runs.",
+        )
+    ]
+
+
+def residuals(its: Summary) -> list[Figure]:
+    """What the simulation leaves unexplained, over time."""
+    series: list[Compared] = [c for c in its.compared if c.times]
+    if not series:
+        return []
+    return [
+        Figure(
+            charts.residuals(series),
+            "Recorded less simulated values over time, divided by their expected scatter; a panel "
+            "for each channel, a line for each recording.",
+            "Residuals over time: recorded less simulated mean, divided by the standard deviation "
+            "(sd) that measurement noise and packing explain. If the simulation is right, about "
+            "95\u202f% of the values lie in the shaded band of \u00b12. Neighbouring values are "
+            "not independent. A long stretch outside of the band points to missing physics.",
+        )
+    ]
+
+
+def best_fit(its: Summary, directory: Path) -> list[Figure]:
+    """The grains in a run at the best parameters, where the simulator is a scene of mfopt."""
+    try:
+        svg = (directory / BEST_FIT).read_text(encoding="utf-8")
+    except OSError:
+        return []
+    name = next(r.name for r in its.recordings if not r.held_out)
+    return [
+        Figure(
+            svg,
+            "Pictures of the grains in the opened machine at rising times, coloured by their "
+            "speed.",
+            "Grains of one run with the best parameters under the conditions of the recording "
+            f"{name}, coloured by speed, seen from the front; black lines are the walls cut at "
+            "y = 0.",
+            "The best fit at work",
+            "natural",
+        )
+    ]

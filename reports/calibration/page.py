@@ -1,0 +1,70 @@
+"""The contents of a calibration's report, computed once for HTML and PDF."""
+
+from typing import Any
+
+from mfopt.campaign.store import RunDirectory
+from mfopt.records.calibration import Summary
+from reports import campaign
+from reports.calibration import sentences, tables
+from reports.calibration.figures import figures
+from reports.plain import plain, readable, readable_run
+from reports.rows import read_rows
+
+CARDS = 3  # parameters at most that have one: with the others, one row of a page
+
+
+def context(given: RunDirectory, found: Summary) -> dict[str, Any]:
+    """Everything that the templates name: text, numbers, SVG drawings."""
+    run, its = readable_run(given), readable(found)
+    rows = read_rows(run)
+    return {
+        "name": its.name,
+        "sentence": sentences.sentence(its),
+        "fits": its.fits,
+        "fit": sentences.fit(its),
+        "misfit": sentences.misfit(its),
+        "cards": cards(its),
+        "parameters": tables.parameters(its),
+        "undetermined": sentences.undetermined(its),
+        "combinations": bool(its.combinations),
+        "errors": tables.errors(its.compared),
+        "recordings": tables.recordings(its.recordings),
+        "notes": [note for recording in its.recordings for note in recording.notes],
+        "noise": tables.noise(its.noise),
+        "cost": tables.cost(rows),
+        "failures": campaign.failures(rows),
+        "figures": figures(its, run.path),
+        "facts": _facts(run),
+        "case": plain(run.study()),
+    }
+
+
+def cards(its: Summary) -> list[tuple[str, str, str]]:
+    """Key figures: the parameters that are asked for, held-out error and cost."""
+    made = []
+    for p in [p for p in its.parameters if p.asked][:CARDS]:
+        value = sentences.value(p) if p.determined else "not determined"
+        made.append((p.name, value, f"{sentences.interval(p)} (90\u202f%)"))
+    if errors := [c.error for c in its.compared if c.held_out]:
+        made.append(
+            (
+                "held-out error",
+                f"{max(errors):.2f}",
+                "times what noise and packing explain, at most",
+            )
+        )
+    failed = f"{its.failed} failed" if its.failed else "none failed"
+    made.append(("cost", f"{its.runs} runs", f"{campaign.hours(its.cpu_s)}, {failed}"))
+    return made
+
+
+def _facts(run: RunDirectory) -> list[tuple[str, str]]:
+    header = run.header
+    return [
+        ("mfopt", str(header["mfopt_version"])),
+        *((program, str(version)) for program, version in (header.get("versions") or {}).items()),
+        ("platform", str(header["platform"])),
+        ("started", str(header["created"])),
+        ("workers", str(header["workers"])),
+        ("seed of the calibration", str(header["seed"])),
+    ]

@@ -1,0 +1,92 @@
+"""The result of a calibration in words."""
+
+from collections.abc import Sequence
+
+from mfopt.records.calibration import Compared, Found, Summary
+from reports.calibration.units import of_parameter, resolved, with_unit
+from reports.units import MINUS, number
+
+UNLIKELY, LIKELY = 0.001, 0.99  # probabilities beyond are only said to be so
+
+
+def sentence(its: Summary) -> str:
+    """Values, what the recordings do not determine, and whether the simulation fits."""
+    asked = [p for p in its.parameters if p.asked]
+    known = [
+        f"{p.name} = {value(p)} (90\u202f% interval {interval(p)})" for p in asked if p.determined
+    ]
+    lost = [p.name for p in asked if not p.determined]
+    said = []
+    if known:
+        said.append(f"The recordings determine {listed(known)}.")
+    if lost:
+        said.append(f"{'They' if known else 'The recordings'} do not determine {listed(lost)}.")
+    return " ".join([*said, fit(its), *held_out(its.compared)])
+
+
+def value(its: Found) -> str:
+    """The mean with its unit."""
+    return with_unit(resolved(its.mean, its), of_parameter(its))
+
+
+def interval(its: Found) -> str:
+    """The 90 % interval with its unit."""
+    low, high = (resolved(v, its) for v in its.interval)
+    return with_unit(f"{low} to {high}", of_parameter(its))
+
+
+def fit(its: Summary) -> str:
+    """Whether the simulation fits, in short."""
+    if its.fits:
+        return "The simulation fits the recordings."
+    return "The simulation does not fit the recordings, so the values are those of a wrong model."
+
+
+def misfit(its: Summary) -> str:
+    """Whether the simulation fits, with the numbers behind it."""
+    one = f"{its.freedom} degree{'s' * (its.freedom != 1)} of freedom"
+    chance = number(its.probability, 2)
+    if its.probability < UNLIKELY:
+        chance = f"below {UNLIKELY}"
+    elif its.probability > LIKELY:
+        chance = f"above {LIKELY}"
+    return (
+        f"At the best parameters the misfit (chi-squared) is {number(its.misfit, 3)} on {one}. If "
+        f"the simulation is right, a larger misfit has the probability {chance}. The logarithm of "
+        f"the evidence is {number(its.log_evidence, 3)}; the larger evidence of two simulations "
+        "of the same recordings marks the better one."
+    )
+
+
+def held_out(compared: Sequence[Compared]) -> list[str]:
+    """How well recordings that were not fitted are predicted; empty without any."""
+    errors = [c.error for c in compared if c.held_out]
+    if not errors:
+        return []
+    largest = f"{max(errors):.2f} times what noise and packing explain"
+    if len(errors) == 1:
+        return [f"The error of the held-out prediction is {largest}."]
+    return [f"The largest error of the held-out predictions is {largest}."]
+
+
+def undetermined(its: Summary) -> list[str]:
+    """What the recordings do not determine, one sentence a line; empty if nothing is missing."""
+    lines = [
+        f"{p.name} is not determined: {interval(p)} has 90\u202f% probability, which is "
+        f"{number(100.0 * p.share, 2)}\u202f% of what was possible before."
+        for p in its.parameters
+        if p.asked and not p.determined
+    ]
+    lines += [f"{line.replace(' - ', f' {MINUS} ')}." for line in its.combinations]
+    lines += [
+        f"{p.name} was fitted along, because it is not known exactly. Its uncertainty is part of "
+        "all intervals."
+        for p in its.parameters
+        if not p.asked
+    ]
+    return lines
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names in a row: a, b and c."""
+    return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))

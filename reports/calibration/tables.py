@@ -1,0 +1,127 @@
+"""The tables of a calibration's report, as text ready to be set."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mfopt.records.calibration import Compared, Found, Measured, Recorded, Summary
+from reports.calibration.units import of_parameter, resolved, shown, with_unit, words
+from reports.campaign import PHASES, hours
+from reports.rows import Row
+from reports.units import number
+
+MEANING = {
+    "design": "spread over the ranges",
+    "refine": "around what the first runs left possible",
+    "predict": "draws of the posterior, for check and prediction",
+}  # by purpose
+USES = {True: "held out", False: "fitted"}
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterLine:
+    """A parameter, and where best and interval lie in its range."""
+
+    name: str
+    unit: str
+    low: str
+    high: str
+    best: str
+    mean: str
+    interval: str
+    share: str
+    said: str
+    low_place: float  # of the interval: 0 at the lower, 1 at the upper end of the range
+    high_place: float
+    best_place: float
+
+
+def parameters(its: Summary) -> list[ParameterLine]:
+    """The parameters, one line each."""
+    return [_parameter(p) for p in its.parameters]
+
+
+def _parameter(its: Found) -> ParameterLine:
+    unit, (low, high) = of_parameter(its), its.interval
+    best, mean, lowest, highest = (resolved(v, its) for v in (its.best, its.mean, low, high))
+    said = "determined" if its.determined else "not determined"
+    return ParameterLine(
+        its.name, unit.unit, number(its.low * unit.factor, 2), number(its.high * unit.factor, 2),
+        best, mean, f"{lowest} to {highest}", f"{number(100.0 * its.share, 2)}\u202f%",
+        said if its.asked else "fitted along",
+        _place(its, low), _place(its, high), _place(its, its.best),
+    )  # fmt: skip
+
+
+def _place(its: Found, value: float) -> float:
+    """Where a value lies in the range of its parameter, or in the logarithms of the range."""
+    low, high, at = (math.log(v) if its.log else v for v in (its.low, its.high, value))
+    return min(1.0, max(0.0, (at - low) / (high - low)))
+
+
+def recordings(its: Sequence[Recorded]) -> list[list[str]]:
+    """Recording, use, conditions, repeats."""
+    return [
+        [
+            r.name, USES[r.held_out],
+            ", ".join(f"{name} = {_condition(value)}" for name, value in r.conditions.items()),
+            str(r.repeats),
+        ]
+        for r in its
+    ]  # fmt: skip
+
+
+def _condition(value: float | str) -> str:
+    return value if isinstance(value, str) else f"{value:g}"
+
+
+def errors(compared: Sequence[Compared]) -> list[list[str]]:
+    """Recording, channel, use, difference, what noise and packing explain, error."""
+    lines = []
+    for c in compared:
+        away = np.array(c.recorded) - np.array(c.simulated)
+        rms = float(np.sqrt(np.mean(away**2)))
+        explained = float(np.sqrt(np.mean(np.square(c.expected))))
+        unit = shown(c.unit, [rms, explained])
+        lines.append([
+            c.recording, words(c.channel), USES[c.held_out],
+            with_unit(number(rms * unit.factor, 2), unit),
+            with_unit(number(explained * unit.factor, 2), unit),
+            f"{c.error:.2f}",
+        ])  # fmt: skip
+    return lines
+
+
+def noise(its: Sequence[Measured]) -> list[list[str]]:
+    """Channel, standard deviation, its interval, autocorrelation time, where from."""
+    lines = []
+    for n in its:
+        unit = shown(n.unit, [n.sigma])
+        low, high = (number(v * unit.factor, 2) for v in n.sigma_range)
+        time = shown("s", [n.autocorrelation_time])
+        lines.append([
+            words(n.channel), with_unit(number(n.sigma * unit.factor, 2), unit),
+            with_unit(f"{low} to {high}", unit),
+            with_unit(number(n.autocorrelation_time * time.factor, 2), time)
+            if n.autocorrelation_time > 0.0 else "none",
+            n.found,
+        ])  # fmt: skip
+    return lines
+
+
+def cost(rows: Sequence[Row]) -> list[list[str]]:
+    """Runs by purpose, and their sum: purpose, meaning, runs, failed, CPU time."""
+    lines = []
+    for purpose, meaning in MEANING.items():
+        its = [row for row in rows if row.purpose == purpose]
+        if its:
+            lines.append([PHASES[purpose], meaning, *_spent(its)])
+    return [*lines, ["all", "", *_spent(rows)]] if len(lines) > 1 else lines
+
+
+def _spent(rows: Sequence[Row]) -> list[str]:
+    total = sum(row.cpu_s for row in rows)
+    failed = sum(not row.finished for row in rows)
+    return [str(len(rows)), str(failed), number(total / len(rows), 2), hours(total)]

@@ -1,0 +1,171 @@
+"""The report of a calibration holds every parameter and recording, and refuses what is damaged."""
+
+import json
+import re
+from dataclasses import replace
+from html import unescape
+from pathlib import Path
+
+import numpy as np
+import pytest
+from calibrations import calibration, draws, number, parameter, series, summary
+from pypdf import PdfReader
+from test_write import squeezed, words
+
+from mfopt.errors import ConfigError
+from mfopt.records.calibration import FILE, Recorded, Summary
+from reports.calibration import write_calibration_report
+from reports.calibration.figures import BEST_FIT
+from reports.calibration.sentences import misfit, sentence
+from reports.calibration.units import resolved, shown
+
+
+def written(folder: Path, its: Summary | None = None) -> tuple[str, PdfReader]:
+    """Words of the HTML and the PDF."""
+    run = calibration(folder / "run", its)
+    html, pdf = folder / "run" / "report.html", folder / "run" / "report.pdf"
+    write_calibration_report(run, html=html, pdf=pdf)
+    return unescape(words(html)), PdfReader(pdf)
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str]:
+    text, pdf = written(tmp_path_factory.mktemp("calibration"))
+    return text, squeezed("".join(page.extract_text() for page in pdf.pages))
+
+
+SAID = (
+    "The recordings determine friction = 0.370 (90 % interval 0.330 to 0.410).",
+    "They do not determine restitution.", "The simulation fits the recordings.",
+    "restitution is not determined: 0.35 to 0.90 has 90 % probability", "0.70 to 5.0", "MPa",
+    "restitution \u2212 young_modulus", "young_modulus was fitted along", "probability 0.58",
+    "slot 30 mm", "slot 40 mm", "opening_mm = 40, scene = discharge", "discharged fraction",
+    "angle of repose", "held out", "a.csv: It had a gap.", "from 3 repeats", "30 ms", "0.50 mm",
+    "the bottom fell out", "spread over the ranges", "draws of the posterior", "Residuals",
+    "What the recordings leave possible", 'name = "invented"',
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("phrase", SAID)
+def test_both_pages_say_what_was_found(pages: tuple[str, str], phrase: str) -> None:
+    text, printed = pages
+    assert squeezed(phrase) in squeezed(text)
+    assert squeezed(phrase) in printed
+
+
+def test_html_is_self_contained_and_shows_every_figure(tmp_path: Path) -> None:
+    written(tmp_path)
+    html = (tmp_path / "run" / "report.html").read_text()
+    assert len(re.findall(r'<img src="data:image/svg', html)) == 5  # 2 recordings, numbers, ...
+    assert not re.search(r"url\(|@import", html)
+    assert all(alt.strip() for alt in re.findall(r'<img[^>]*alt="([^"]*)"', html))
+
+
+def test_a_picture_of_the_best_fit_is_shown_where_there_is_one(tmp_path: Path) -> None:
+    run = calibration(tmp_path / "run")
+    square = '<svg xmlns="http://www.w3.org/2000/svg" width="90pt" height="90pt"></svg>'
+    (run.path / BEST_FIT).write_text(square)
+    html, pdf = tmp_path / "r.html", tmp_path / "r.pdf"
+    write_calibration_report(run, html=html, pdf=pdf)
+    assert "under the conditions of the recording slot 30 mm" in words(html)
+    assert "at work" in "".join(page.extract_text() for page in PdfReader(pdf).pages)
+
+
+def test_a_wrong_model_is_said_on_top(tmp_path: Path) -> None:
+    text, _ = written(tmp_path, summary(fits=False, probability=1e-9))
+    assert text.index("values are those of a wrong model") < text.index("within the range")
+    assert "probability below 0.001" in text
+
+
+@pytest.mark.parametrize("held_out", [False, True])
+def test_numbers_alone_have_no_curves(tmp_path: Path, held_out: bool) -> None:
+    only = (number("heap", "angle_of_repose", "rad", 0.4, held_out=held_out),)
+    recordings = (Recorded("heap", held_out, {}, 2, ()),)
+    text, _ = written(tmp_path, summary(compared=only, recordings=recordings, noise=()))
+    assert "The bar holds 90" in text
+    assert "Residuals" not in text
+    assert ("Prediction of what was held out" in text) is held_out
+
+
+def test_many_parameters_channels_and_recordings_find_room(tmp_path: Path) -> None:
+    parameters = tuple(parameter(f"effect_{i}.coefficient") for i in range(9))
+    names = [f"recording {i} with a rather long name" for i in range(8)]
+    channels = {name: ["channel_0"] for name in names}
+    channels[names[0]] = [f"channel_{i}" for i in range(8)]
+    its = summary(
+        parameters=parameters,
+        draws=draws(np.random.default_rng(1), parameters),
+        correlation=np.eye(9).tolist(),
+        recordings=tuple(Recorded(name, False, {}, 1, ()) for name in names),
+        compared=tuple(
+            series(name, channel, "kg", 1e-4, held_out=False)
+            for name in names for channel in channels[name]
+        ),
+    )  # fmt: skip
+    text, pdf = written(tmp_path, its)
+    assert "Only the first 7 of 9 parameters" in text
+    assert all(len(page.extract_text()) > 40 for page in pdf.pages)
+
+
+def test_names_of_users_are_text(tmp_path: Path) -> None:
+    odd = "$\\foo$ #panic() <b>{{x}}\x07\u7c73"
+    its = summary(name=odd, parameters=(parameter(odd),), correlation=[[1.0]],
+                  draws=[[0.35], [0.36], [0.37]])  # fmt: skip
+    named = replace(its.compared[0], channel=odd, recording=odd)
+    recordings = (Recorded(odd, False, {odd: odd}, 1, (odd,)),)
+    text, _ = written(tmp_path, replace(its, compared=(named,), recordings=recordings))
+    assert "$\\foo$ #panic() <b>{{x}}\\x07\u7c73 = 0.370" in text
+
+
+def test_draws_that_are_all_equal_are_shown(tmp_path: Path) -> None:
+    its = summary(parameters=(parameter("drag", interval=(0.36, 0.36)),), correlation=[[1.0]],
+                  draws=[[0.36]] * 3)  # fmt: skip
+    assert "drag = 0.370" in written(tmp_path, its)[0]
+
+
+def test_a_missing_result_is_refused(tmp_path: Path) -> None:
+    run = calibration(tmp_path / "run")
+    (run.path / FILE).unlink()
+    with pytest.raises(ConfigError, match=r"has not ended.*--resume"):
+        write_calibration_report(run, html=tmp_path / "r.html")
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda told: told[: len(told) // 2], "is damaged"),
+        (lambda told: told.replace('"best": 0.36', '"best": "high"', 1), "parameters.0.best"),
+        (lambda told: json.dumps({**json.loads(told), "draws": None}), "draws"),
+        (lambda told: "[]", "is damaged"),
+    ],
+)  # fmt: skip
+def test_a_damaged_result_is_refused(tmp_path: Path, change, said: str) -> None:  # type: ignore[no-untyped-def]
+    run = calibration(tmp_path / "run")
+    (run.path / FILE).write_text(change((run.path / FILE).read_text()))
+    with pytest.raises(ConfigError, match=said):
+        write_calibration_report(run, html=tmp_path / "r.html")
+    assert not (tmp_path / "r.html").exists()
+
+
+def test_values_have_the_digits_of_their_interval() -> None:
+    assert resolved(0.123456, parameter("a", interval=(0.12, 0.125))) == "0.1235"
+    assert resolved(12.3456, parameter("a", interval=(3.0, 20.0), high=30.0)) == "12"
+    assert resolved(0.0456, parameter("a", "m", interval=(0.04, 0.05))) == "46"
+    assert resolved(2.345e6, parameter("a", "Pa", high=1e7, log=True)) == "2.3"
+
+
+@pytest.mark.parametrize(
+    ("unit", "largest", "said"),
+    [("m", 0.5, "mm"), ("m", 10.0, "m"), ("-", 3.0, ""), ("kg/s", 0.1, "kg/s"), ("rad", 1.0, "°"),
+     ("kg", 0.2, "g"), ("Pa", 2e6, "MPa"), ("Pa", 50.0, "Pa"), ("s", 0.01, "ms")],
+)  # fmt: skip
+def test_units_fit_the_largest_value(unit: str, largest: float, said: str) -> None:
+    assert shown(unit, [0.0, -largest]).unit == said
+
+
+def test_sentences_name_only_what_there_is() -> None:
+    none = summary(parameters=(parameter("a", determined=False),), compared=())
+    assert sentence(none) == (
+        "The recordings do not determine a. The simulation fits the recordings."
+    )
+    assert "on 1 degree of freedom" in misfit(summary(freedom=1))
