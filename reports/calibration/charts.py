@@ -34,6 +34,7 @@ PANEL = 1.45  # [inch] height of a panel over time; two figures of two fit a pag
 LEGEND_ROW = 0.19  # [inch]
 EXPLAINED = 2.0  # standard deviations that about 95 % of residuals do not exceed
 BINS = 24
+LETTERS = 96  # of the names of all parameters side by side
 MOST_PARAMETERS = 7  # of a posterior figure: more are too small to read
 
 
@@ -211,6 +212,9 @@ def _axes(
     from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
     last = len(parameters) - 1
+    size = 8.0 if last < 4 else 6.5
+    longest = LETTERS // len(parameters)
+    names = [label(short(p.name, longest), unit) for p, unit in zip(parameters, units, strict=True)]
     ends = [_limits(parameters[k], values[:, k]) for k in (column, row)]
     sides: list[tuple[Axis, int, bool]] = [(axis.xaxis, column, row == last)]
     axis.set_xlim(*ends[0])
@@ -233,6 +237,6 @@ def _axes(
             side.set_major_locator(MaxNLocator(3 if last > 2 else 4))
         side.set_tick_params(labelsize=7.5, labelbottom=labelled, labelleft=labelled)
     if row == last:
-        axis.set_xlabel(label(short(parameters[column].name), units[column]), fontsize=8)
+        axis.set_xlabel(names[column], fontsize=size)
     if column == 0 and row > 0:
-        axis.set_ylabel(label(short(parameters[row].name), units[row]), fontsize=8)
+        axis.set_ylabel(names[row], fontsize=size)
