@@ -1,7 +1,8 @@
 """What a recording and a run are compared on: the same points in time, in one row.
 
 The samples of a recording are averaged around each point with triangular weights and a local line,
-so that all of them count, and the mean over the repeats is taken. A run is interpolated.
+so that all of them count, and the mean over the repeats is taken. A run is interpolated at the
+times of the samples and averaged with the same weights: both are flattened alike.
 """
 
 import math
@@ -11,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.recordings.case import Measurement
-from calibration.recordings.noise import noise_covariance
+from calibration.recordings.noise import noise_of_sums
 from calibration.recordings.records import Noise, Recording, Repeat
 from mfopt.arrays import AnyArray, Array, frozen
 from mfopt.errors import ConfigError
@@ -22,12 +23,14 @@ LONGEST_START = 0.2  # [of the duration] 1 sd of an unknown start
 FEWEST_SAMPLES = 2  # under the weights of one point
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Block:
     """The points of one channel in a row."""
 
     channel: str
     times: Array | None  # (m,) [s]; None for a number, which has one point
+    samples: Array | None = None  # (n,) [s] of all repeats, one after the other
+    weights: Array | None = None  # (m, n) of the samples in the mean at each point
 
     @property
     def size(self) -> int:
@@ -67,10 +70,11 @@ class Observed:
         parts = []
         for block in self.blocks:
             value = np.asarray(raw[block.channel], dtype=np.float64)
-            if block.times is None:
+            if block.samples is None or block.weights is None:
                 parts.append(value.reshape(1))
             else:
-                parts.append(np.interp(block.times, np.asarray(raw[TIME], np.float64), value))
+                there = np.interp(block.samples, np.asarray(raw[TIME], np.float64), value)
+                parts.append(block.weights @ there)
         return np.concatenate(parts)
 
     def split(self, row: Array) -> dict[str, Array]:
@@ -97,32 +101,33 @@ def observed(
     for channel in recording.channels:
         series = [r.series[channel] for r in recording.repeats if channel in r.series]
         times = _points(recording, channel, end)
-        operators = [_averaging(s.times[~s.clipped], times) for s in series]
+        used = [~s.clipped & (s.times <= end) for s in series]
+        samples = [s.times[its] for s, its in zip(series, used, strict=True)]
+        operators = [_averaging(at, times) for at in samples]
         there = np.all([np.isfinite(a).all(axis=1) for a in operators], axis=0)
-        times = times[there]
-        kept = [a[there] for a in operators]
-        rows = [a @ s.values[~s.clipped] for a, s in zip(kept, series, strict=True)]
-        noise = [
-            a @ noise_covariance(noises[channel], s.times[~s.clipped]) @ a.T
-            for a, s in zip(kept, series, strict=True)
-        ]
-        blocks.append(Block(channel, frozen(times)))
-        means.append(np.mean(rows, axis=0))
-        covariances.append(np.sum(noise, axis=0) / len(series) ** 2)
+        kept = [a[there] / len(series) for a in operators]
+        noise = [noise_of_sums(noises[channel], at, a) for a, at in zip(kept, samples, strict=True)]
+        weights = np.hstack(kept)
+        values = np.concatenate([s.values[its] for s, its in zip(series, used, strict=True)])
+        blocks.append(
+            Block(channel, frozen(times[there]), frozen(np.concatenate(samples)), frozen(weights))
+        )
+        means.append(weights @ values)
+        covariances.append(np.sum(noise, axis=0))
     for name in recording.scalars:
         numbers = [r.scalars[name] for r in recording.repeats if name in r.scalars]
         sd = measurement.of(name).noise or 0.0
         blocks.append(Block(name, None))
         means.append(np.array([np.mean(numbers)]))
         covariances.append(np.array([[sd**2 / len(numbers)]]))
-    values = np.concatenate(means)
+    row = np.concatenate(means)
     return Observed(
         name=recording.name,
         blocks=tuple(blocks),
-        values=frozen(values),
+        values=frozen(row),
         repeats=len(recording.repeats),
         measured=frozen(_diagonal(covariances)),
-        constant=frozen(_constant(blocks, values, measurement)),
+        constant=frozen(_constant(blocks, row, measurement)),
         clock_error=measurement.clock_error,
         start_sd=_start(recording.repeats, end),
     )

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from calibration.campaign import Campaign, Fitted
+from calibration.observed import Observed
 from calibration.posterior import LEVEL, Posterior, prior_transform, to_unit
 from calibration.recordings.case import Case
 from calibration.recordings.records import Noise, Recording
@@ -158,6 +159,15 @@ def _variance(rows: Array, other: float | None) -> Array:
     return np.asarray(own * pooled / own.mean())
 
 
+def _clock(seen: Observed, mean: Array) -> Array:
+    """Variance (p,) from the errors of start and clock: slope times the error of the time."""
+    slopes = [
+        np.zeros(1) if block.times is None else np.gradient(row, block.times)
+        for block, row in zip(seen.blocks, seen.split(mean).values(), strict=True)
+    ]
+    return np.concatenate(slopes) ** 2 * (seen.start_sd**2 + (seen.clock_error * seen.times) ** 2)
+
+
 def compared(
     its: Predicted, scatter: Mapping[str, float], known: Mapping[str, Channel]
 ) -> list[Compared]:
@@ -168,7 +178,7 @@ def compared(
     variance = np.concatenate(
         [_variance(channels[b.channel], scatter.get(b.channel)) for b in seen.blocks]
     )
-    measured = np.diag(seen.measured) + np.sum(seen.constant**2, axis=1)
+    measured = np.diag(seen.measured) + np.sum(seen.constant**2, axis=1) + _clock(seen, mean)
     expected = variance * (1.0 / seen.repeats + 1.0 / n) + measured
     parts = {
         "recorded": seen.values, "mean": mean, "expected": expected,
@@ -246,9 +256,11 @@ def _next(its: Summary) -> list[str]:
 def error_in_words(its: Compared) -> str:
     """How far simulations are from a recording."""
     kind = "held out" if its.held_out else "fitted"
+    rms = float(np.sqrt(np.mean(np.subtract(its.recorded, its.simulated) ** 2)))
+    unit = "" if its.unit == "-" else f" {its.unit}"
     return (
-        f"{its.recording}, {its.channel} ({kind}): error {its.error:.2f} times what noise and "
-        "packing explain"
+        f"{its.recording}, {its.channel} ({kind}): error {rms:.2g}{unit} rms, {its.error:.2f} "
+        "times what noise, scatter of runs and stated errors explain"
     )
 
 

@@ -90,12 +90,24 @@ def measurement_noise(recordings: Sequence[Recording], channel: str, known: Know
     return Noise(channel, sigma, tau, bounds, "bounded from one recording")
 
 
-def noise_covariance(noise: Noise, times: Array) -> Array:
-    """Covariance (n, n) of measurement noise at `times` (n,) [s], in the channel's unit squared."""
-    apart = np.abs(times[:, None] - times[None, :])
-    if noise.autocorrelation_time == 0.0:
-        return np.where(apart == 0.0, noise.sigma**2, 0.0)
-    return noise.sigma**2 * np.exp(-apart / noise.autocorrelation_time)
+def noise_of_sums(noise: Noise, times: Array, weights: Array) -> Array:
+    """Covariance (m, m) of weighted sums of measurement noise, in the channel's unit squared.
+
+    Noise at two times has the correlation exp(-|t - t'| / tau), so the samples before one count by
+    a recursion: the (n, n) covariance of the samples is never made.
+
+    Args:
+        noise: of the channel.
+        times: [s] (n,) of the samples, increasing.
+        weights: (m, n) of the samples in each sum.
+    """
+    before = np.zeros_like(weights)  # sum over the samples before, each with its correlation
+    if noise.autocorrelation_time > 0.0:
+        decay = np.exp(-np.diff(times) / noise.autocorrelation_time)
+        for i, kept in enumerate(decay):
+            before[:, i + 1] = kept * (before[:, i] + weights[:, i])
+    one_way = weights @ before.T
+    return np.asarray(noise.sigma**2 * (weights @ weights.T + one_way + one_way.T))
 
 
 def _groups(recordings: Sequence[Recording], channel: str) -> list[tuple[Group, float]]:

@@ -61,8 +61,8 @@ class Compared:
     simulated: list[float]  # mean
     low: list[float]  # 90 % of single runs
     high: list[float]
-    expected: list[float]  # 1 sd of recorded less simulated, from noise and packing
-    error: float  # rms of recorded less simulated, over what noise and packing explain
+    expected: list[float]  # 1 sd of recorded less simulated, from all errors
+    error: float  # rms of recorded less simulated, over that of `expected`
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from calibration.recordings.case import Known
-from calibration.recordings.noise import measurement_noise, noise_covariance
+from calibration.recordings.noise import measurement_noise, noise_of_sums
 from calibration.recordings.records import Recording, Repeat, Series
 from mfopt.arrays import Array
 from mfopt.errors import ConfigError
@@ -141,8 +141,11 @@ def test_too_few_samples_ask_for_a_stated_noise() -> None:
 def test_covariance_is_that_of_the_noise() -> None:
     its = recording(4, 3)
     noise = measurement_noise([its], "level", UNKNOWN)
-    covariance = noise_covariance(noise, np.array([0.0, 0.02, 10.0]))
+    times = np.array([0.0, 0.02, 10.0])
+    covariance = noise_of_sums(noise, times, np.eye(3))
     assert np.diag(covariance) == pytest.approx(noise.sigma**2)
     decay = np.exp(-0.02 / noise.autocorrelation_time)
     assert covariance[0, 1] == pytest.approx(noise.sigma**2 * decay)
     assert covariance[0, 2] == pytest.approx(0.0, abs=1e-12)
+    weights = np.array([[0.5, 0.5, 0.0], [0.0, 1.0, -1.0]])
+    assert noise_of_sums(noise, times, weights) == pytest.approx(weights @ covariance @ weights.T)
