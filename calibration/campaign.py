@@ -27,6 +27,7 @@ from calibration.runs import (
     predicted,
     predictions_of_each,
 )
+from mfopt.arrays import Array
 from mfopt.errors import ConfigError
 from mfopt.records.evaluation import Candidate, Evaluation
 from surrogates.series import SeriesEmulator, fit_series
@@ -84,7 +85,7 @@ def calibrate(
     first = fit(case, noises, made, parts, live=ROUGH)
     later = _refined(case, first.posterior, each - spread, len(made))
     made += evaluate(later)
-    fitted = fit(case, noises, made, parts)
+    fitted = fit(case, noises, made, parts, around=first.posterior.box)
     z = to_unit(case.parameters, fitted.posterior.draws)
     beside, last = predicted(case, noises, evaluate, z, predictions_of_each(case, runs), len(made))
     return Campaign(fitted, beside, (*made, *last))
@@ -114,8 +115,18 @@ def fit(
     made: Sequence[Evaluation],
     parts: Parts,
     live: int = LIVE,
+    around: Array | None = None,
 ) -> Fitted:
-    """Emulators, likelihood and posterior from the runs made so far."""
+    """Emulators, likelihood and posterior from the runs made so far.
+
+    Args:
+        case: with the recordings.
+        noises: measurement noise by channel.
+        made: the runs.
+        parts: errors that count.
+        live: points of the sampler.
+        around: box of a posterior of fewer runs, around which the later runs are.
+    """
     observations, emulators = [], []
     for recording in case.fitted:
         its = finished(made, recording)
@@ -125,7 +136,7 @@ def fit(
         observations.append(seen)
         emulators.append(fit_series(z, rows, [block.size for block in seen.blocks]))
     likely = likelihood(observations, emulators, parts)
-    posterior = sample(likely, case.parameters, seed=case.seed, live=live)
+    posterior = sample(likely, case.parameters, seed=case.seed, live=live, around=around)
     residual, covariance = likely.residual(to_unit(case.parameters, posterior.best))
     misfit = float(residual @ np.linalg.solve(covariance, residual))
     freedom = max(1, len(residual) - len(case.parameters))

@@ -1,5 +1,6 @@
 """What a calibration found, as numbers for reports and JSON, and in words."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -212,9 +213,8 @@ def in_words(its: Summary) -> list[str]:
     lines = []
     for p in its.parameters:
         unit = "" if p.unit == "-" else f" {p.unit}"
-        said = (
-            f"{p.name} = {p.mean:.3g}{unit}, 90 % from {p.interval[0]:.3g} to {p.interval[1]:.3g}"
-        )
+        mean, low, high = (f"{v:.{_digits(p.interval)}g}" for v in (p.mean, *p.interval))
+        said = f"{p.name} = {mean}{unit}, 90 % from {low} to {high}"
         if not p.asked:
             said = f"{said} (left free, for it is not known exactly)"
         elif not p.determined:
@@ -231,6 +231,15 @@ def in_words(its: Summary) -> list[str]:
     lines += [error_in_words(c) for c in its.compared]
     lines.append(f"{its.runs} simulations, {its.failed} failed, {its.cpu_s:.0f} s of CPU")
     return lines
+
+
+def _digits(interval: tuple[float, float]) -> int:
+    """Significant digits, at least 3, with which the width of an interval shows two."""
+    low, high = interval
+    size = max(abs(low), abs(high))
+    if not high > low:
+        return 3
+    return max(3, 2 + math.floor(math.log10(size)) - math.floor(math.log10(high - low)))
 
 
 def _next(its: Summary) -> list[str]:

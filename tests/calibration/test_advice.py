@@ -39,7 +39,15 @@ def ridge() -> Posterior:
     rng = np.random.default_rng(1)
     along, across = rng.uniform(-0.3, 0.3, 2000), 0.005 * rng.normal(size=2000)
     draws = np.column_stack([0.5 + along + across, 0.5 - along + across])
-    return Posterior(PARAMETERS, frozen(draws), frozen([0.5, 0.5]), 0.0, 0.1, 1)
+    return Posterior(
+        PARAMETERS,
+        frozen(draws),
+        frozen([0.5, 0.5]),
+        0.0,
+        0.1,
+        1,
+        frozen(np.array([[0.0, 0.0], [1.0, 1.0]])),
+    )
 
 
 def test_the_recording_that_breaks_the_ridge_is_named() -> None:

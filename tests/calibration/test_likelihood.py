@@ -27,6 +27,40 @@ def test_nested_sampling_finds_a_gaussian_posterior_and_its_evidence() -> None:
     assert found.log_evidence == pytest.approx(evidence, abs=4.0 * found.log_evidence_sd)
 
 
+def test_a_peak_behind_a_moat_is_found_from_a_box_around_it() -> None:
+    # As an emulator with many runs near (0.4, 0.6): sure of itself there, in doubt elsewhere.
+    mean, sd, top = np.array([0.4, 0.6]), 1e-3, 40.0
+
+    def log_likelihood(z: Array) -> float:
+        away = float(np.max(np.abs(z - mean)))
+        inside = top - 0.5 * float(np.sum(((z - mean) / sd) ** 2))
+        return max(inside, -1000.0 - away) if away < 0.1 else -away
+
+    flat = [Parameter("a", 0.0, 1.0), Parameter("b", 0.0, 1.0)]
+    box = np.array([[0.36, 0.56], [0.44, 0.64]])
+    found = sample(log_likelihood, flat, seed=1, around=box)
+    assert found.mean == pytest.approx(mean, abs=4e-4)
+    assert found.draws.std(axis=0) == pytest.approx([sd, sd], rel=0.15)
+    evidence = top + np.log(2.0 * np.pi * sd**2)
+    assert found.log_evidence == pytest.approx(evidence, abs=4.0 * found.log_evidence_sd)
+    assert np.all((box[0] < found.box[0]) & (found.box[1] < box[1]))
+
+
+def test_a_box_beside_the_peak_changes_nothing() -> None:
+    mean, sd = np.array([0.4, 0.6]), np.array([0.03, 0.08])
+    its = [Parameter("a", 0.0, 1.0), Parameter("b", 0.0, 1.0, mean=0.5, sd=0.2)]
+    far = np.array([[0.7, 0.1], [0.9, 0.2]])
+    plain, mixed = (
+        sample(lambda z: float(-0.5 * np.sum(((z - mean) / sd) ** 2)), its, seed=2, around=around)
+        for around in (None, far)
+    )
+    assert mixed.mean == pytest.approx(plain.mean, abs=0.012)
+    assert mixed.draws.std(axis=0) == pytest.approx(plain.draws.std(axis=0), rel=0.15)
+    assert mixed.log_evidence == pytest.approx(
+        plain.log_evidence, abs=4.0 * np.hypot(plain.log_evidence_sd, mixed.log_evidence_sd)
+    )
+
+
 def test_a_normal_prior_is_cut_at_the_range() -> None:
     transform = prior_transform([Parameter("a", 0.0, 2.0, mean=0.2, sd=0.5)])
     draws = np.array([transform(u) for u in np.random.default_rng(1).random((4000, 1))])

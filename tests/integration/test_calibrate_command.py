@@ -158,16 +158,30 @@ def test_a_recording_may_name_another_scene(tmp_path: Path) -> None:
     assert parts.case.recordings[-1].scalars == ("angle_of_repose",)
 
 
-def test_a_function_of_the_user_is_calibrated(tmp_path: Path) -> None:
-    balls = EXAMPLE.parent / "balls" / "case.toml"
-    given = ["calibrate", str(balls), "-d", str(tmp_path / "run"), "--runs", "40", "--json"]
+@pytest.mark.parametrize(
+    ("name", "runs", "truth"),
+    [
+        ("balls", 40, {"drag": (0.45, 0.05)}),
+        ("pendulum", 150,
+         {"frequency": (4.5, 0.02), "viscous": (0.08, 0.02), "dry": (0.15, 0.03)}),
+    ],
+)  # fmt: skip
+def test_a_function_of_the_user_is_calibrated(
+    tmp_path: Path, name: str, runs: int, truth: dict[str, tuple[float, float]]
+) -> None:
+    path = EXAMPLE.parent / name / "case.toml"
+    given = ["calibrate", str(path), "-d", str(tmp_path / "run"), "--runs", str(runs), "--json"]
     result = CliRunner().invoke(app, [*given, "--workers", "1"])
     assert result.exit_code == 0, result.output
     told = json.loads(result.output)
-    low, high = told["parameters"][0]["interval"]
     assert not (tmp_path / "run" / "material.toml").exists()
-    assert 0.40 < low < high < 0.50
-    assert low - 0.01 < 0.45 < high + 0.01
+    for parameter in told["parameters"]:
+        (low, high), (true, most) = parameter["interval"], truth[parameter["name"]]
+        assert low < high < low + 2.0 * most
+        width = high - low
+        assert low - width / 2.0 < true < high + width / 2.0
+    assert told["fits"]
+    assert all(c["error"] < 2.0 for c in told["compared"])
     assert told["failed"] == 0
 
 
