@@ -1,9 +1,8 @@
 """Ways to fit the parameters of a case, each of which spends the same number of runs.
 
 mfopt's own fit, and L-BFGS-B, CMA-ES and surmise (https://surmise.readthedocs.io): an emulator of
-principal components and Metropolis-Hastings. What methods run beyond the fit does not count.
-
-GrainLearning 2.0.5 is not among them: it needs numpy < 2, which mfopt is not tested with.
+principal components and Metropolis-Hastings. `grainlearning_peer` is a fifth. What methods run
+beyond the fit does not count.
 """
 
 import math
@@ -15,13 +14,14 @@ import cma
 import numpy as np
 from scipy.stats import qmc
 
+from benchmarks.calibration.grainlearning_peer import grainlearning
+from benchmarks.calibration.side_by_side import side_by_side
 from calibration.campaign import calibrate
 from calibration.least_squares import FAILED, Squares, fit_least_squares
-from calibration.observed import Observed, observed
 from calibration.posterior import from_unit, prior_transform, to_unit
 from calibration.recordings.case import Case
 from calibration.recordings.records import Noise
-from calibration.runs import Evaluate, candidates, end_of, finished, predictions_of_each
+from calibration.runs import Evaluate, candidates, predictions_of_each
 from mfopt.arrays import Array
 from mfopt.errors import SimulationError
 from mfopt.records.evaluation import Candidate, Evaluation
@@ -75,24 +75,10 @@ def surmise(case: Case, noises: Mapping[str, Noise], evaluate: Evaluate, runs: i
     transform = prior_transform(case.parameters)
     z = np.array([transform(u) for u in sobol.random(1 << (each - 1).bit_length())[:each]])
     made = evaluate(candidates(case.parameters, [(r, z) for r in case.fitted], 0, "design"))
-    seen, kept, rows = _side_by_side(case, noises, made)
+    seen, kept, rows = side_by_side(case, noises, made)
     values = np.concatenate([o.values for o in seen])
     known = np.concatenate([np.diag(o.measured) + np.sum(o.constant**2, axis=1) for o in seen])
     return from_unit(case.parameters, _surmised(case, kept, rows, values, known))
-
-
-def _side_by_side(
-    case: Case, noises: Mapping[str, Noise], made: Sequence[Evaluation]
-) -> tuple[list[Observed], Array, Array]:
-    """The fitted recordings, and the parameters (n, d) and rows (n, p) where all runs finished."""
-    seen, rows = [], []
-    for recording in case.fitted:
-        its = finished(made, recording)
-        seen.append(observed(recording, case.measurement, noises, end_of(its)))
-        rows.append({tuple(e.candidate.x): seen[-1].row(e.outcome.raw) for e in its})
-    whole = [x for x in rows[0] if all(x in other for other in rows)]
-    z = to_unit(case.parameters, np.array(whole))
-    return seen, z, np.array([np.concatenate([r[x] for r in rows]) for x in whole])
 
 
 def _surmised(case: Case, z: Array, rows: Array, recorded: Array, known: Array) -> Array:
@@ -153,4 +139,5 @@ def with_predictions(case: Case, runs: int) -> int:
 
 METHODS: Mapping[str, Method] = {
     "mfopt": mfopt, "L-BFGS-B": lbfgsb, "CMA-ES": cmaes, "surmise": surmise,
+    "GrainLearning": grainlearning,
 }  # fmt: skip

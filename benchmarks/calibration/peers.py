@@ -145,18 +145,18 @@ def report(made: Lines) -> list[str]:
     for budget in sorted({key[0] for key in found}):
         names = sorted({e for b, e, _ in found if b == budget})
         methods = [m for m in METHODS if any((budget, e, m) in found for e in names)]
-        told.append(f"{budget} runs".ljust(14) + "".join(f"{m:>10}" for m in methods))
+        told.append(f"{budget} runs".ljust(14) + "".join(f"{m:>14}" for m in methods))
         for name in names:
             shown = [found.get((budget, name, m)) for m in methods]
             cells = ["-" if e is None else f"{e:.2f}" for e in shown]
-            told.append(name.ljust(14) + "".join(f"{c:>10}" for c in cells))
+            told.append(name.ljust(14) + "".join(f"{c:>14}" for c in cells))
         whole = [e for e in names if all((budget, e, m) in found for m in methods)]
         if whole:
             logs = np.log([[found[budget, e, m] for m in methods] for e in whole])
             best = int(logs.mean(axis=0).argmin())
             ratios = np.exp((logs - logs[:, [best]]).mean(axis=0))
             label = f"ratio, n = {len(whole)}"
-            told.append(label.ljust(14) + "".join(f"{r:>10.2f}" for r in ratios))
+            told.append(label.ljust(14) + "".join(f"{r:>14.2f}" for r in ratios))
             told.append(f"(geometric mean of the paired ratios to {methods[best]})")
     return told
 

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import pytest
 from test_calibrate import case_of, evaluate
 
+from benchmarks.calibration.grainlearning_peer import PYTHON
 from benchmarks.calibration.peer_methods import METHODS, with_predictions
 from benchmarks.calibration.peers import FIRST_JUDGED, JUDGED, errors, fitted, report
 from calibration.recordings.noise import measurement_noise
@@ -13,10 +14,14 @@ from mfopt.arrays import frozen
 from mfopt.records.evaluation import Candidate, Evaluation
 
 CASE = case_of(frozen([0.35, 0.03]), 1)
+LIGHT = [name for name in METHODS if name != "GrainLearning"]
 NOISES = {"level": measurement_noise(CASE.recordings, "level", CASE.measurement.of("level"))}
 
 
-@pytest.mark.parametrize("method", METHODS)
+needs_environment = pytest.mark.skipif(not PYTHON.exists(), reason=f"there is no {PYTHON}")
+
+
+@pytest.mark.parametrize("method", [*LIGHT, pytest.param("GrainLearning", marks=needs_environment)])
 def test_a_method_finds_the_parameters_and_spends_its_budget(method: str) -> None:
     made: list[Candidate] = []
 

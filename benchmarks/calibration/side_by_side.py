@@ -1,0 +1,27 @@
+"""Runs of equal parameters under the conditions of all fitted recordings, side by side."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from calibration.observed import Observed, observed
+from calibration.posterior import to_unit
+from calibration.recordings.case import Case
+from calibration.recordings.records import Noise
+from calibration.runs import end_of, finished
+from mfopt.arrays import Array
+from mfopt.records.evaluation import Evaluation
+
+
+def side_by_side(
+    case: Case, noises: Mapping[str, Noise], made: Sequence[Evaluation]
+) -> tuple[list[Observed], Array, Array]:
+    """The fitted recordings, and the parameters (n, d) and rows (n, p) where all runs finished."""
+    seen, rows = [], []
+    for recording in case.fitted:
+        its = finished(made, recording)
+        seen.append(observed(recording, case.measurement, noises, end_of(its)))
+        rows.append({tuple(e.candidate.x): seen[-1].row(e.outcome.raw) for e in its})
+    whole = [x for x in rows[0] if all(x in other for other in rows)]
+    z = to_unit(case.parameters, np.array(whole))
+    return seen, z, np.array([np.concatenate([r[x] for r in rows]) for x in whole])
