@@ -10,9 +10,10 @@ def swing(parameters, conditions, seed):
     """Angle [rad] from rest position over time.
 
     Parameters: natural frequency [rad/s], viscous damping [1/s], dry friction [rad/s2], each over
-    the moment of inertia. Conditions: angle [rad] and rate [rad/s] at the start, duration [s].
+    the moment of inertia; those that are known may be conditions. Conditions: angle [rad] and rate
+    [rad/s] at the start, duration [s].
     """
-    w, viscous, dry = (parameters[k] for k in ("frequency", "viscous", "dry"))
+    w, viscous, dry = ((parameters | conditions)[k] for k in ("frequency", "viscous", "dry"))
     slow = 0.02  # [rad/s] below which dry friction fades, so that it has no jump
 
     def motion(t, y):

@@ -1,0 +1,1 @@
+"""Calibrations to real recordings, which are no part of this repository."""

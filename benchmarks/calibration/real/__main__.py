@@ -1,0 +1,82 @@
+"""Fit real recordings and print a table.
+
+    MFOPT_RECORDINGS=FOLDER python -m benchmarks.calibration.real balls|pendulum --work DIR
+
+The recordings are no part of this repository. Each case file, its runs and its result are kept in
+DIR; a case that has a result is not fitted again.
+"""
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.calibration.real import balls, pendulum
+from benchmarks.calibration.real.text import CaseText
+
+CASES = {"balls": balls.cases, "pendulum": pendulum.cases}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Fit all cases, or those that are named."""
+    parser = argparse.ArgumentParser(prog="real", description="calibrations to real recordings")
+    parser.add_argument("what", choices=CASES)
+    parser.add_argument("--work", type=Path, required=True)
+    parser.add_argument("--only", nargs="*", help="names of cases, or parts of them")
+    given = parser.parse_args(arguments)
+    data = Path(os.environ.get("MFOPT_RECORDINGS", ""))
+    if "MFOPT_RECORDINGS" not in os.environ or not data.is_dir():
+        parser.error("set MFOPT_RECORDINGS to the folder of recordings")
+    print("| case | parameter: 90 % interval | misfit | fitted | held out |\n|---|---|---|---|---|")
+    for case in CASES[given.what](data.resolve()):
+        if not given.only or any(part in case.name for part in given.only):
+            print(line(case.name, fitted(case, given.work)), flush=True)
+    return 0
+
+
+def fitted(case: CaseText, work: Path) -> dict[str, Any]:
+    """The result of a case, made if it is not there."""
+    folder = work / case.name
+    found = folder / "run" / "calibration.json"
+    if not found.exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        for file, text in {**case.files, "case.toml": case.text}.items():
+            (folder / file).write_text(text)
+        command = [sys.executable, "-m", "mfopt", "calibrate", str(folder / "case.toml")]
+        command += ["-d", str(found.parent), "--runs", str(case.runs), "--workers", "1", "--quiet"]
+        if (found.parent / "run.json").exists():
+            command.append("--resume")
+        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    return dict(json.loads(found.read_text()))
+
+
+def line(name: str, its: dict[str, Any]) -> str:
+    """A row of the table; errors are rms, and in multiples of what all known errors explain."""
+    values = "; ".join(
+        f"{p['name']}: {p['interval'][0]:.4g} to {p['interval'][1]:.4g}"
+        + ("" if p["determined"] else " (not determined)")
+        for p in its["parameters"]
+    )
+    misfit = f"{its['misfit']:.0f} on {its['freedom']}"
+    used = (", ".join(errors(its, held_out=held)) for held in (False, True))
+    return f"| {name} | {values} | {misfit} | {' | '.join(used)} |"
+
+
+def errors(its: dict[str, Any], *, held_out: bool) -> Iterator[str]:
+    """The largest error of the recordings that were fitted or held out, and the median."""
+    those = [c for c in its["compared"] if c["held_out"] is held_out]
+    rms = [float(np.sqrt(np.mean(np.subtract(c["recorded"], c["simulated"]) ** 2))) for c in those]
+    ratios = [c["error"] for c in those]
+    yield f"{np.median(rms):.2g} {those[0]['unit']}, {np.median(ratios):.2f} times"
+    if len(those) > 1:
+        yield f"at most {max(rms):.2g} {those[0]['unit']}, {max(ratios):.2f} times"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

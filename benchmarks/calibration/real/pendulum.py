@@ -1,0 +1,86 @@
+"""Cases of a pendulum that swings out: segments 0 to 3 are fitted, 4 and 5 are held out.
+
+The encoder gives angle and rate at the first sample of a segment, which are conditions, and
+the time is counted from there.
+"""
+
+import csv
+import gzip
+import math
+from pathlib import Path
+
+from benchmarks.calibration.real.text import CaseText
+
+FOLDER, FILE = "pendulum_multiarm", "single_pendulum.csv.gz"
+SIMULATOR = Path(__file__).parents[3] / "examples" / "calibration" / "pendulum" / "pendulum.py"
+PARAMETERS = {
+    "frequency": "[parameters.frequency]     # [rad/s] from the time of 5 small swings\n"
+    "range = [7.7, 8.3]\n",
+    "viscous": "[parameters.viscous]       # [1/s]\nrange = [0.0, 0.3]\n",
+    "dry": "[parameters.dry]           # [rad/s2]\nrange = [0.0, 0.6]\n",
+}
+FIXED = {"viscous": 0.0, "dry": 0.0}
+MODELS = {
+    "viscous": ("frequency", "viscous"), "dry": ("frequency", "dry"),
+    "both": ("frequency", "viscous", "dry"),
+}  # fmt: skip
+FITTED = 4
+RUNS = 240
+THINNED = 10  # of 1 000 samples a second, that many are one
+
+
+def cases(data: Path) -> list[CaseText]:
+    """The cases, one for each friction."""
+    segments: dict[int, list[tuple[float, float, float]]] = {}
+    with gzip.open(data / FOLDER / FILE, "rt") as lines:
+        for row in csv.DictReader(lines):
+            its = (float(row["t_s"]), float(row["theta"]) - math.pi, float(row["omega"]))
+            segments.setdefault(int(row["seg"]), []).append(its)
+    files = {f"segment-{n}.csv": series(rows) for n, rows in segments.items()}
+    made = []
+    for model, parameters in MODELS.items():
+        fixed = "".join(f", {k} = {v}" for k, v in FIXED.items() if k not in parameters)
+        text = head(f"pendulum-{model}", parameters)
+        text += "".join(segment(n, rows[0], fixed) for n, rows in segments.items())
+        made.append(CaseText(f"pendulum-{model}", text, RUNS, files))
+    return made
+
+
+def series(rows: list[tuple[float, float, float]]) -> str:
+    """A recording file of time and angle, with the time from the first sample."""
+    lines = [f"{t - rows[0][0]:.4f},{angle:.6f}\n" for t, angle, _ in rows[::THINNED]]
+    return "time [s],angle [rad]\n" + "".join(lines)
+
+
+def head(name: str, parameters: tuple[str, ...]) -> str:
+    """The case file without recordings."""
+    return f"""[case]
+name = "{name}"
+seed = 1
+
+[rig]
+function = "{SIMULATOR}:swing"
+
+[rig.channels.angle]
+unit = "rad"
+size = 3.0
+
+{"".join(PARAMETERS[p] for p in parameters)}
+[measurement]
+clock_offset_s = 0.0       # a segment begins where its conditions hold
+
+[measurement.angle]
+offset = 0.01              # of the zero
+noise = 0.02               # the encoder has less: what the equation of motion may lack
+"""
+
+
+def segment(number: int, first: tuple[float, float, float], fixed: str) -> str:
+    """One recording."""
+    return f"""
+[[recording]]
+name = "segment {number}"
+conditions = {{ angle = {first[1]:.6f}, rate = {first[2]:.6f}, duration = 9.2{fixed} }}
+files = ["segment-{number}.csv"]
+held_out = {str(number >= FITTED).lower()}
+"""
