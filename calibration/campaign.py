@@ -1,9 +1,9 @@
 """The runs of a calibration: which parameters, under which conditions, on which seeds.
 
 First the parameters are spread over their ranges (Sobol); a part of them runs twice, on another
-packing. Then they are drawn from what the first runs leave possible. Last, the posterior is run
-itself: under the conditions of the fitted recordings to verify the emulators, under those of the
-others to predict them.
+packing. Then they are drawn from what the runs so far leave possible, twice. Last, the posterior
+is run itself: under the conditions of the fitted recordings to verify the emulators, under those of
+the others to predict them.
 """
 
 from collections.abc import Mapping, Sequence
@@ -32,8 +32,9 @@ from mfopt.errors import ConfigError
 from mfopt.records.evaluation import Candidate, Evaluation
 from surrogates.series import SeriesEmulator, fit_series
 
-FIRST = 0.6  # of the runs that the emulators learn from are spread over the ranges
-REPLICATED = 0.25  # of these parameters run twice
+FIRST = 0.5  # of the runs that the emulators learn from are spread over the ranges
+ROUNDS = 2  # in which the others are drawn from what the runs so far leave possible
+REPLICATED = 0.2  # of the parameters run twice
 FEWEST = 16  # runs that an emulator needs, before the posterior is run
 WIDER = 1.5  # times as wide as the posterior are the later parameters drawn
 ROUGH = 40  # points of the sampler that decides where the later runs are
@@ -82,10 +83,11 @@ def calibrate(
     each = runs_of_each(case, runs)
     spread = round(FIRST * each)
     made = list(evaluate(_spread(case, spread)))
-    first = fit(case, noises, made, parts, live=ROUGH)
-    later = _refined(case, first.posterior, each - spread, len(made))
-    made += evaluate(later)
-    fitted = fit(case, noises, made, parts, around=first.posterior.box)
+    for number in range(ROUNDS):
+        so_far = fit(case, noises, made, parts, live=ROUGH)
+        count = (each - spread) // ROUNDS if number else each - spread - (each - spread) // ROUNDS
+        made += evaluate(_refined(case, so_far.posterior, number, count, len(made)))
+    fitted = fit(case, noises, made, parts, around=so_far.posterior.box)
     z = to_unit(case.parameters, fitted.posterior.draws)
     beside, last = predicted(case, noises, evaluate, z, predictions_of_each(case, runs), len(made))
     return Campaign(fitted, beside, (*made, *last))
@@ -157,13 +159,15 @@ def _spread(case: Case, each: int) -> list[Candidate]:
     return candidates(case.parameters, points, 0, "design")
 
 
-def _refined(case: Case, posterior: Posterior, each: int, first: int) -> list[Candidate]:
+def _refined(
+    case: Case, posterior: Posterior, round_number: int, each: int, first: int
+) -> list[Candidate]:
     """Parameters drawn around the posterior, somewhat wider."""
     z = to_unit(case.parameters, posterior.draws)
     points = []
     new = max(1, round(each / (1.0 + REPLICATED)))
     for number, recording in enumerate(case.fitted):
-        rng = np.random.default_rng([case.seed, 1000 + number])
+        rng = np.random.default_rng([case.seed, 1000 + number, round_number])
         chosen = z[rng.integers(0, len(z), new)]
         chosen = np.clip(z.mean(axis=0) + WIDER * (chosen - z.mean(axis=0)), 0.0, 1.0)
         points.append((recording, np.vstack([chosen, chosen[: each - new]])))

@@ -1,6 +1,9 @@
 """How likely recordings are at given parameters, with every error that is known of.
 
-The scores of all recordings together are one Gaussian vector. Its covariance adds, by recording,
+The scores of all recordings together are one Gaussian vector. A recording has scores on the
+components of its emulator, and on directions in which no simulation goes but a wrong model, or an
+error of zero, scale or clock, can: else these could not be told from a parameter. The covariance
+adds, by recording,
 
     packing / repeats + measurement noise / repeats + doubt of the emulator
     + zero and scale of each channel + clock (slope of the series times its error)
@@ -25,6 +28,7 @@ from surrogates.series import SeriesEmulator
 ALLOWANCE = 0.4  # [scatters of one run]
 SHARED = 0.5  # of its variance, by all recordings
 WAVES = 8  # cosines over the run: the shortest lasts a quarter of it
+INDEPENDENT = 1e-6  # of a direction's size: what is left of it beside the components
 LEAST = 1e-9  # [of a score's variance] added to the diagonal
 
 
@@ -63,11 +67,11 @@ class _Group:
     """One recording, in scores."""
 
     emulator: SeriesEmulator
-    scores: Array  # (k,) of the recording
-    fixed: Array  # (k, k) covariance that does not depend on the parameters
-    shared: Array  # (k, r) factor of what all recordings have in common
-    slope: Array  # (k, k + 1): of the series in time, from the scores and 1
-    moment: Array  # (k, k + 1): the same times the time
+    scores: Array  # (q,) of the recording; the first k on the components of the emulator
+    fixed: Array  # (q, q) covariance that does not depend on the parameters
+    shared: Array  # (q, r) factor of what all recordings have in common
+    slope: Array  # (q, k + 1): of the series in time, from the simulated scores and 1
+    moment: Array  # (q, k + 1): the same times the time
     clock_error: float
     start_sd: float
 
@@ -100,13 +104,17 @@ class Likelihood:
         residuals, own, shared = [], [], []
         for group in self.groups:
             mean, variance = (a[0] for a in group.emulator.predict(z[None]))
-            covariance = group.fixed + (np.diag(variance) if self.parts.emulator else 0.0)
+            covariance, k = group.fixed.copy(), len(mean)
+            if self.parts.emulator:
+                covariance[range(k), range(k)] += variance
             if self.parts.clock:
                 with_one = np.append(mean, 1.0)
                 slope, moment = group.slope @ with_one, group.moment @ with_one
-                covariance = covariance + group.start_sd**2 * np.outer(slope, slope)
+                covariance += group.start_sd**2 * np.outer(slope, slope)
                 covariance += group.clock_error**2 * np.outer(moment, moment)
-            residuals.append(group.scores - mean)
+            residual = group.scores.copy()
+            residual[:k] -= mean
+            residuals.append(residual)
             own.append(covariance)
             shared.append(group.shared)
         factor = np.concatenate(shared)
@@ -141,51 +149,82 @@ def with_scores(its: Likelihood, scores: Array) -> Likelihood:
 def _group(
     seen: Observed, emulator: SeriesEmulator, parts: Parts, channels: Sequence[str]
 ) -> _Group:
-    waves = parts.allowance * _waves(seen, emulator, channels)
-    own, shared = math.sqrt(1.0 - SHARED) * waves, math.sqrt(SHARED) * waves
+    slopes = _slopes(seen, emulator)
+    basis = _basis(seen, emulator, slopes[-1:])
     k = len(emulator.components)
-    fixed = emulator.project_covariance(own, own, emulator)
+    waves = parts.allowance * _waves(seen, emulator, channels)
+    own = basis @ (math.sqrt(1.0 - SHARED) * waves / emulator.scale[:, None])
     # Smaller than any error: keeps the covariance regular where nothing scatters.
-    fixed += 1e-8 * np.eye(k)
+    fixed = own @ own.T + 1e-8 * np.eye(len(basis))
     if parts.packing:
-        fixed += emulator.noise / seen.repeats
+        fixed[:k, :k] += emulator.noise / seen.repeats
+        beyond = emulator.beyond @ basis[k:].T
+        fixed[k:, k:] += beyond.T @ beyond / len(beyond)
     if parts.measurement:
-        at = emulator.components / emulator.scale
+        at = basis / emulator.scale
         fixed += at @ seen.measured @ at.T
     if parts.constant:
-        fixed += emulator.project_covariance(seen.constant, seen.constant, emulator)
-    slope, moment = _slopes(seen, emulator)
+        constant = basis @ (seen.constant / emulator.scale[:, None])
+        fixed += constant @ constant.T
+    back = (basis / emulator.scale).T  # (p, q)
     return _Group(
-        emulator, frozen(emulator.project(seen.values)), frozen(fixed),
-        frozen(emulator.components @ (shared / emulator.scale[:, None])),
-        frozen(slope), frozen(moment), seen.clock_error, seen.start_sd,
+        emulator, frozen(basis @ ((seen.values - emulator.mean) / emulator.scale)), frozen(fixed),
+        frozen(basis @ (math.sqrt(SHARED) * waves / emulator.scale[:, None])),
+        frozen((slopes @ back).T), frozen((slopes * seen.times @ back).T),
+        seen.clock_error, seen.start_sd,
     )  # fmt: skip
 
 
-def _waves(seen: Observed, emulator: SeriesEmulator, channels: Sequence[str]) -> Array:
-    """Slow waves (p, r) of each channel, with the scatter of one run as standard deviation."""
-    scatter, at = emulator.scatter(), 0
-    waves = np.zeros((len(scatter), len(channels) * WAVES))
-    for block in seen.blocks:
-        here = slice(at, at + block.size)
+def _basis(seen: Observed, emulator: SeriesEmulator, slope: Array) -> Array:
+    """Orthonormal rows (q, p): the components, then zero, scale, clock and slow waves beside them.
+
+    Args:
+        seen: the recording.
+        emulator: of its conditions.
+        slope: of the mean series in time (1, p).
+    """
+    shapes = [slope, slope * seen.times, seen.constant.T, _cosines(seen).T]
+    beside = np.vstack(shapes) / emulator.scale
+    size = np.sqrt(np.sum(beside**2, axis=1, keepdims=True))
+    beside = beside / np.where(size > 0.0, size, 1.0)
+    beside = beside - beside @ emulator.components.T @ emulator.components
+    _, values, rows = np.linalg.svd(beside, full_matrices=False)
+    return np.vstack([emulator.components, rows[values > INDEPENDENT]])
+
+
+def _cosines(seen: Observed) -> Array:
+    """Slow waves (p, WAVES a block) over the time of each block, with a root mean square of 1."""
+    waves, at = np.zeros((len(seen.values), len(seen.blocks) * WAVES)), 0
+    for number, block in enumerate(seen.blocks):
         phase = np.zeros(1) if block.times is None else block.times / seen.end
         basis = np.cos(np.pi * phase[:, None] * np.arange(WAVES))
         basis /= np.sqrt(np.sum(basis**2, axis=1, keepdims=True))
-        first = channels.index(block.channel) * WAVES
-        mean = float(np.sqrt(np.mean(scatter[here] ** 2)))
-        waves[here, first : first + WAVES] = mean * basis
+        waves[at : at + block.size, number * WAVES : (number + 1) * WAVES] = basis
         at += block.size
     return waves
 
 
-def _slopes(seen: Observed, emulator: SeriesEmulator) -> tuple[Array, Array]:
-    """From scores and 1 to the scores of the slope in time (k, k + 1), and of time times slope."""
-    rows = np.vstack([emulator.components * emulator.scale, emulator.mean])  # (k + 1, p)
+def _waves(seen: Observed, emulator: SeriesEmulator, channels: Sequence[str]) -> Array:
+    """The slow waves (p, r) by channel, with the scatter of one run as standard deviation."""
+    scatter, cosines, at = emulator.scatter(), _cosines(seen), 0
+    waves = np.zeros((len(scatter), len(channels) * WAVES))
+    for number, block in enumerate(seen.blocks):
+        here = slice(at, at + block.size)
+        mean = float(np.sqrt(np.mean(scatter[here] ** 2)))
+        first = channels.index(block.channel) * WAVES
+        own = cosines[here, number * WAVES : (number + 1) * WAVES]
+        waves[here, first : first + WAVES] = mean * own
+        at += block.size
+    return waves
+
+
+def _slopes(seen: Observed, emulator: SeriesEmulator) -> Array:
+    """Slope in time (k + 1, p) of each component and, last, of the mean."""
+    rows = np.vstack([emulator.components * emulator.scale, emulator.mean])
     slopes, at = np.zeros_like(rows), 0
     for block in seen.blocks:
         here = slice(at, at + block.size)
         if block.times is not None:
             slopes[:, here] = np.gradient(rows[:, here], block.times, axis=1)
         at += block.size
-    back = (emulator.components / emulator.scale).T  # (p, k)
-    return (slopes @ back).T, ((slopes * seen.times) @ back).T
+    return slopes

@@ -3,7 +3,7 @@
 The series of all runs, one row y (p,) a run, are standardised point by point and reduced to
 principal components. Each score is a Gaussian process of the parameters:
 
-    y(x) = m + s (W t(x) + e),    t_j ~ GP(0, constant * RBF + noise_j)
+    y(x) = m + s (W t(x) + e),    t_j ~ GP(0, constant * Matern + noise_j)
 
 e is what differs between runs with equal parameters (the packing): its covariance comes from the
 residuals of leave-one-out predictions and from replicates. Weak components are smoothed over
@@ -23,7 +23,7 @@ from mfopt.errors import ConfigError
 from surrogates.scores import ScoreProcesses, fit_scores
 
 MOST_COMPONENTS = 14
-EXPLAINED = 0.9995  # of the variance over the runs, by the components that are kept
+EXPLAINED = 0.999999  # of the variance over the runs, by the components that are kept
 SMOOTHING = 1.0  # [points] of weak components over time
 WEAK = 0.01  # of the variance: below, a component has the jitter of single runs
 FLAT = 1e-9  # [of the largest deviation] points that vary less hardly vary
@@ -39,17 +39,11 @@ class SeriesEmulator:
     components: Array  # (k, p), orthonormal
     scores: ScoreProcesses
     noise: Array  # (k, k) covariance of the scores of one run about their mean
-    rest: Array  # (p,) variance of a run beyond the components, standardised
+    beyond: Array  # (n, p) what each run has beyond the components, standardised
 
     def project(self, y: Array) -> Array:
         """Scores (..., k) of series (..., p)."""
         return np.asarray((y - self.mean) / self.scale @ self.components.T)
-
-    def project_covariance(self, left: Array, right: Array, other: "SeriesEmulator") -> Array:
-        """Covariance (k, k') of scores, from factors (p, r) and (p', r) of that of the series."""
-        a = self.components @ (left / self.scale[:, None])
-        b = other.components @ (right / other.scale[:, None])
-        return np.asarray(a @ b.T)
 
     def predict(self, z: Array) -> tuple[Array, Array]:
         """Mean and variance of the mean scores (n, k) at parameters (n, d)."""
@@ -62,7 +56,7 @@ class SeriesEmulator:
     def scatter(self) -> Array:
         """Standard deviation (p,) of a run about its mean, in the unit of the series."""
         within = np.einsum("kp,kl,lp->p", self.components, self.noise, self.components)
-        return np.asarray(self.scale * np.sqrt(within + self.rest))
+        return np.asarray(self.scale * np.sqrt(within + np.mean(self.beyond**2, axis=0)))
 
 
 def fit_series(z: Array, y: Array, blocks: Sequence[int]) -> SeriesEmulator:
@@ -89,9 +83,8 @@ def fit_series(z: Array, y: Array, blocks: Sequence[int]) -> SeriesEmulator:
     processes = fit_scores(z, scores)
     noise = _noise(z, scores, processes)
     beyond = standard - scores @ components
-    rest = np.mean(_within(z, beyond) ** 2, axis=0)
     return SeriesEmulator(
-        frozen(mean), frozen(scale), frozen(components), processes, frozen(noise), frozen(rest)
+        frozen(mean), frozen(scale), frozen(components), processes, frozen(noise), frozen(beyond)
     )
 
 

@@ -1,6 +1,6 @@
 """Do fits find the parameters that recordings were made with?
 
-    python -m benchmarks.calibration.recovery fit [--experiments 1-20] [--soft 1-10] [--runs 120]
+    python -m benchmarks.calibration.recovery fit [--experiments 1-20] [--soft 1-10] [--runs 200]
     python -m benchmarks.calibration.recovery report
 
 The experiments are those of `benchmarks.calibration.experiments`. All fits share the runs that
@@ -27,7 +27,7 @@ from mfopt.study.case import assemble_case
 
 FOUND = Path(__file__).parent / "results" / "recovery.jsonl"
 WORK = Path("runs") / "calibration-benchmark"
-RUNS = 120
+RUNS = 200
 PREDICTED = 6  # runs for each recording beside those that fit
 
 

@@ -16,7 +16,7 @@ from calibration.recordings.records import Noise
 from calibration.rig import Conditions, Rig
 from fidelity.engine import Engine
 from fidelity.programs.rig import ProgramRig
-from fidelity.rig import SceneRig
+from fidelity.rig import SCENE, SceneRig
 from fidelity.scenes.beads import Vessel
 from mfopt.arrays import frozen
 from mfopt.errors import ConfigError, InvalidDesign
@@ -66,7 +66,8 @@ def assemble_case(path: Path) -> AssembledCase:
         ConfigError: if the case or a recording cannot be trusted, or the simulator is missing.
     """
     settings, text = read_case_settings(path)
-    rig = _rig(settings.rig, path)
+    chosen = {str(r.conditions[SCENE]) for r in settings.recording if SCENE in r.conditions}
+    rig = _rig(settings.rig, path, chosen)
     case = complete_case(settings, path, rig.channels)
     parameters, units = _parameters(case, rig, path)
     case = replace(case, parameters=parameters)
@@ -144,15 +145,15 @@ class ProgramRigSettings(Settings):
     time_limit_s: TimeLimit = 3600.0
 
 
-def _rig(table: Mapping[str, Any], path: Path) -> Rig:
-    """The simulator that a case names.
+def _rig(table: Mapping[str, Any], path: Path, chosen: set[str]) -> Rig:
+    """The simulator that a case names; `chosen` are the scenes that its recordings choose.
 
     Raises:
         ConfigError: if the table is wrong, or the simulator is missing.
     """
     if "command" in table or "function" in table:
         return _program(table, path)
-    return _scenes(table, str(path))
+    return _scenes({**{name: {} for name in RIG_SCENES if name in chosen}, **table}, str(path))
 
 
 def _program(table: Mapping[str, Any], path: Path) -> ProgramRig:

@@ -226,3 +226,15 @@ def test_an_option_of_an_engine_reaches_it(tmp_path: Path, monkeypatch: pytest.M
 def test_an_option_of_another_engine_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"case\.toml: rig: precision = 'longdouble' is an opt"):
         assemble_case(with_precision(tmp_path, "numba"))
+
+
+def test_a_recording_of_another_scene_brings_the_channels_of_that_scene(case: Path) -> None:
+    path = case.parent / "with_heap.toml"
+    heap = (
+        '\n[[recording]]\nname = "heap"\nconditions = { scene = "heap" }\n'
+        'scalars.angle_of_repose = { unit = "deg", values = [20, 22] }\n'
+    )
+    path.write_text(case.read_text() + heap)
+    parts = assemble_case(path)
+    assert parts.ladder.names[-1] == "heap"
+    assert "angle_of_repose" in parts.rig.channels
