@@ -7,6 +7,7 @@ Source: Skilling 2006, doi:10.1214/06-BA127; Speagle 2020, doi:10.1093/mnras/sta
 """
 
 import math
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -131,7 +132,10 @@ def sample(
         likely, lambda v: v, d + (around is not None),
         nlive=live, sample="rwalk", bootstrap=0, rstate=rng,
     )  # fmt: skip
-    sampler.run_nested(dlogz=STOP, print_progress=False)
+    with warnings.catch_warnings():
+        # A wrong model ends in a corner, where all points are as likely as numbers can tell.
+        warnings.filterwarnings("ignore", message="We have reached the plateau")
+        sampler.run_nested(dlogz=STOP, print_progress=False)
     results = sampler.results
     equal = results.samples_equal(rstate=rng)
     chosen = np.array([_placed(v, box)[0] for v in equal[rng.integers(0, len(equal), DRAWS)]])

@@ -64,7 +64,7 @@ def recording(channels: Sequence[Compared], *, held_out: bool) -> str:
 
 
 def residuals(compared: Sequence[Compared]) -> str:
-    """Recorded less simulated over time, over what noise and packing explain; a panel a channel."""
+    """Recorded less simulated over time, over what is explained; a panel a channel."""
     with styled():
         channels = list(dict.fromkeys(c.channel for c in compared))
         names = list(dict.fromkeys(c.recording for c in compared))
@@ -102,7 +102,7 @@ def residuals(compared: Sequence[Compared]) -> str:
 
 
 def residual(its: Compared) -> Array:
-    """Recorded less simulated (m,), in standard deviations of what noise and packing explain."""
+    """Recorded less simulated (m,), in standard deviations of what all known errors explain."""
     expected = np.array(its.expected)
     away = np.array(its.recorded) - np.array(its.simulated)
     return np.where(expected > 0.0, away / expected, 0.0)

@@ -103,7 +103,7 @@ def residuals(its: Summary) -> list[Figure]:
             "Recorded less simulated values over time, divided by their expected scatter; a panel "
             "for each channel, a line for each recording.",
             "Residuals over time: recorded less simulated mean, divided by the standard deviation "
-            "(sd) that measurement noise and packing explain. If the simulation is right, about "
+            "(sd) that noise, scatter and stated errors explain. If the simulation is right, about "
             "95\u202f% of the values lie in the shaded band of \u00b12. Neighbouring values are "
             "not independent. A long stretch outside of the band points to missing physics.",
         )

@@ -50,7 +50,7 @@ def cards(its: Summary) -> list[tuple[str, str, str]]:
             (
                 "held-out error",
                 f"{max(errors):.2f}",
-                "times what noise and packing explain, at most",
+                "times what noise, scatter and stated errors explain, at most",
             )
         )
     failed = f"{its.failed} failed" if its.failed else "none failed"

@@ -63,7 +63,7 @@ def held_out(compared: Sequence[Compared]) -> list[str]:
     errors = [c.error for c in compared if c.held_out]
     if not errors:
         return []
-    largest = f"{max(errors):.2f} times what noise and packing explain"
+    largest = f"{max(errors):.2f} times what noise, scatter and stated errors explain"
     if len(errors) == 1:
         return [f"The error of the held-out prediction is {largest}."]
     return [f"The largest error of the held-out predictions is {largest}."]

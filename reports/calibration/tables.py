@@ -78,7 +78,7 @@ def _condition(value: float | str) -> str:
 
 
 def errors(compared: Sequence[Compared]) -> list[list[str]]:
-    """Recording, channel, use, difference, what noise and packing explain, error."""
+    """Recording, channel, use, difference, what noise, scatter and stated errors explain, error."""
     lines = []
     for c in compared:
         away = np.array(c.recorded) - np.array(c.simulated)
