@@ -58,28 +58,28 @@ def advise(
     ]
     made = evaluate(candidates(case.parameters, points, first, "possible"))
     recorded = {c for r in case.recordings for c in (*r.channels, *r.scalars)}
-    return tuple(_advice(name, made, case, draws, recorded, noises) for name in possible), made
+    return tuple(_advice(name, made, case, posterior, recorded, noises) for name in possible), made
 
 
 def _advice(
     name: str,
     made: Sequence[Evaluation],
     case: Case,
-    draws: Array,
+    posterior: Posterior,
     recorded: set[str],
     noises: Mapping[str, Noise],
 ) -> Advice:
     its = [e for e in made if e.candidate.level == name]
     fine = [e for e in its if e.outcome.finished]
     names = [p.name for p in case.parameters]
+    draws = to_unit(case.parameters, posterior.draws)
     scale = draws.std(axis=0)
     if len(fine) < 2 * (len(names) + 1) or not scale.all():
         return Advice(name, dict.fromkeys(names, 1.0), len(its) - len(fine))
     rows, measured = _rows([e.outcome.raw for e in fine], recorded, noises)
     z = to_unit(case.parameters, np.array([e.candidate.x for e in fine]))
     # In the posterior's own directions, each with variance 1: a ridge is as wide as its width.
-    today = np.corrcoef(draws.T).reshape(len(names), -1)
-    root = np.linalg.cholesky(today + 1e-9 * np.eye(len(names)))
+    root = np.linalg.cholesky(posterior.correlation + 1e-9 * np.eye(len(names)))
     own = np.linalg.solve(root, ((z - draws.mean(axis=0)) / scale).T).T
     after = np.linalg.inv(np.eye(len(names)) + _information(own, rows, measured))
     narrower = np.sqrt(np.diag(root @ after @ root.T))

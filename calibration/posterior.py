@@ -42,6 +42,16 @@ class Posterior:
         return np.quantile(self.draws, [tail, 1.0 - tail], axis=0).T
 
     @property
+    def correlation(self) -> Array:
+        """Correlations (d, d) in the unit cube; 0 with a parameter that has one value only."""
+        z = to_unit(self.parameters, self.draws)
+        scale = z.std(axis=0)
+        standard = (z - z.mean(axis=0)) / np.where(scale > 0.0, scale, 1.0)
+        found = standard.T @ standard / len(z)
+        np.fill_diagonal(found, 1.0)
+        return np.asarray(found)
+
+    @property
     def mean(self) -> Array:
         """Mean (d,)."""
         return np.asarray(self.draws.mean(axis=0))

@@ -54,9 +54,7 @@ def summary(
         parameters=_found(posterior, problem, prior),
         directions=_directions(posterior, prior),
         combinations=[],
-        correlation=np.corrcoef(to_unit(case.parameters, posterior.draws).T)
-        .reshape(problem.dimension, -1)
-        .tolist(),
+        correlation=posterior.correlation.tolist(),
         draws=posterior.draws[:DRAWS].tolist(),
         log_evidence=posterior.log_evidence,
         misfit=fitted.misfit,

@@ -7,7 +7,7 @@ import pytest
 from test_calibrate import PARAMETERS
 
 from calibration.likelihood import EVERY_PART, parts_without
-from calibration.posterior import from_unit, prior_transform, sample, to_unit
+from calibration.posterior import Posterior, from_unit, prior_transform, sample, to_unit
 from calibration.recordings.case import Parameter
 from mfopt.arrays import Array
 from mfopt.errors import ConfigError
@@ -87,3 +87,10 @@ def test_a_logarithmic_parameter_is_spread_by_its_logarithm() -> None:
     assert to_unit(its, x) == pytest.approx(np.array([[0.5, 0.5], [1.0, 0.25]]))
     median = prior_transform([replace(its[0], mean=1e6, sd=3e5)])(np.array([0.5]))
     assert median == pytest.approx([0.5])
+
+
+def test_a_parameter_of_one_value_correlates_with_nothing() -> None:
+    draws = np.column_stack([np.linspace(0.0, 1.0, 50), np.full(50, 0.3)])
+    flat = (Parameter("a", 0.0, 1.0), Parameter("b", 0.0, 1.0))
+    found = Posterior(flat, draws, draws[0], 0.0, 0.1, 1, np.zeros((2, 2))).correlation
+    assert found == pytest.approx(np.eye(2))
