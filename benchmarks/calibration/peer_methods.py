@@ -29,6 +29,8 @@ from mfopt.records.evaluation import Candidate, Evaluation
 Method = Callable[[Case, Mapping[str, Noise], Evaluate, int], Array]  # the parameters (d,) found
 
 WIDTH = 0.3  # [of the ranges] of the first generation of CMA-ES
+FLAT = 1e-3  # of the largest spread: points that vary less have no scale of their own
+LEAST_VARIANCE = 1e-5
 SAMPLES, BURNT = 6000, 2000  # of Metropolis-Hastings
 STEP = 0.05  # [of the ranges] of its proposals
 
@@ -97,13 +99,17 @@ def _surmised(case: Case, z: Array, rows: Array, recorded: Array, known: Array) 
         from surmise.emulation import emulator
 
         set_RNG(np.random.default_rng(case.seed))
+        # It wants variances near 1.
+        spread = rows.std(axis=0)
+        scale = np.maximum(spread, FLAT * spread.max())
+        rows, recorded, known = rows / scale, recorded / scale, known / scale**2
         points = np.arange(len(recorded), dtype=np.float64)[:, None]
         quiet = {"warnings": False}
         emulated = emulator(x=points, theta=z, f=rows.T, method="PCGP", args=quiet)
         packing = np.mean((emulated.predict(points, z).mean() - rows.T) ** 2, axis=1)
         fit = calibrator(
             emu=emulated, y=recorded, x=points, thetaprior=_Prior(case),
-            method="directbayeswoodbury", yvar=known + packing,
+            method="directbayeswoodbury", yvar=np.maximum(known + packing, LEAST_VARIANCE),
             args={
                 "sampler": "metropolis_hastings", "theta0": z.mean(axis=0)[None],
                 "nSamples": SAMPLES, "nBurnSamples": BURNT,
