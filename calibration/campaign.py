@@ -1,9 +1,10 @@
 """The runs of a calibration: which parameters, under which conditions, on which seeds.
 
 First the parameters are spread over their ranges (Sobol); a part of them runs twice, on another
-packing. Then they are drawn from what the runs so far leave possible, twice. Last, the posterior
-is run itself: under the conditions of the fitted recordings to verify the emulators, under those of
-the others to predict them.
+packing. Then they are drawn, in rounds, from what the runs so far leave possible: where the fit
+trusts a doubtful emulator, the next runs go. Last, the posterior is run itself: under the
+conditions of the fitted recordings to verify the emulators, under those of the others to predict
+them.
 """
 
 from collections.abc import Mapping, Sequence
@@ -33,7 +34,7 @@ from mfopt.records.evaluation import Candidate, Evaluation
 from surrogates.series import SeriesEmulator, fit_series
 
 FIRST = 0.5  # of the runs that the emulators learn from are spread over the ranges
-ROUNDS = 2  # in which the others are drawn from what the runs so far leave possible
+ROUNDS = 5  # in which the others are drawn from what the runs so far leave possible
 REPLICATED = 0.2  # of the parameters run twice
 FEWEST = 16  # runs that an emulator needs, before the posterior is run
 WIDER = 1.5  # times as wide as the posterior are the later parameters drawn
@@ -85,7 +86,7 @@ def calibrate(
     made = list(evaluate(_spread(case, spread)))
     for number in range(ROUNDS):
         so_far = fit(case, noises, made, parts, live=ROUGH)
-        count = (each - spread) // ROUNDS if number else each - spread - (each - spread) // ROUNDS
+        count = (each - len(made) // len(case.fitted)) // (ROUNDS - number)
         made += evaluate(_refined(case, so_far.posterior, number, count, len(made)))
     fitted = fit(case, noises, made, parts, around=so_far.posterior.box)
     z = to_unit(case.parameters, fitted.posterior.draws)
