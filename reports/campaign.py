@@ -16,7 +16,7 @@ VALIDATION = "validation"  # runs of a generation that are not at its own level
 PHASES = {
     "check": "check", "start": "starts", "search": "search", "finalist": "finalists",
     "confirm": "confirmation", "reference": "reference", "design": "design", "refine": "refinement",
-    "predict": "prediction",
+    "predict": "prediction", "possible": "further experiments",
 }  # fmt: skip
 OF_SEARCH = ("check", "starts", "search", "finalists")  # what its budget may pay for
 NUMBER = re.compile(r"\d+(\.\d*)?(e[+-]?\d+)?", re.IGNORECASE)

@@ -18,16 +18,24 @@ from typing import Any
 import numpy as np
 
 from benchmarks import lines
-from benchmarks.calibration.experiments import CHANNELS, SETTINGS, Experiment, chosen, write_case
+from benchmarks.calibration.experiments import (
+    CHANNELS,
+    SETTINGS,
+    TRUTHS,
+    Experiment,
+    chosen,
+    write_case,
+)
 from benchmarks.calibration.kept_runs import KeptRuns, kept_runs
 from calibration.campaign import calibrate
 from calibration.posterior import to_unit
-from calibration.summary import summary
+from calibration.summary import DETERMINED, summary
 from mfopt.study.case import assemble_case
 
 FOUND = Path(__file__).parent / "results" / "recovery.jsonl"
 WORK = Path("runs") / "calibration-benchmark"
 RUNS = 200
+STIFFNESS = "young_modulus"  # fitted along
 PREDICTED = 6  # runs for each recording beside those that fit
 
 
@@ -63,15 +71,15 @@ def fitted(experiment: Experiment, runs: int, work: Path, kept: KeptRuns) -> dic
     """Fit one experiment; `runs` are those of a case that has held-out recordings too."""
     parts = assemble_case(write_case(experiment, work / experiment.name))
     # Equally many runs for each fitted recording, so that experiments share them.
-    runs -= PREDICTED * (len(SETTINGS) - len(experiment.settings))
+    whole = runs - PREDICTED * (len(SETTINGS) - len(experiment.settings))
     begun, before = time.process_time(), len(kept.there)
-    campaign = calibrate(parts.case, parts.noises, lambda c: kept.evaluate(c, parts.ladder), runs)
+    campaign = calibrate(parts.case, parts.noises, lambda c: kept.evaluate(c, parts.ladder), whole)
     cpu_s = time.process_time() - begun
     its = summary(campaign, parts.case, parts.problem, parts.noises, parts.rig.channels)
     truth = to_unit(parts.case.parameters, np.append(experiment.truth, experiment.stiffness))
     draws = to_unit(parts.case.parameters, campaign.fitted.posterior.draws)
     return {
-        "name": experiment.name, "kind": experiment.kind, "runs": its.runs,
+        "name": experiment.name, "kind": experiment.kind, "runs": runs,
         "truth": experiment.truth.tolist(),
         "rank": (draws < truth).mean(axis=0).round(4).tolist(),
         "found": [
@@ -98,9 +106,39 @@ def _shown(line: Mapping[str, Any]) -> str:
     return f"{line['name']} {ranks} misfit {misfit} errors {errors} fit {line['fit_cpu_s']} s"
 
 
-def report() -> list[str]:
-    """What the fits found, in lines."""
-    return [_shown(line) for _, line in lines.read(FOUND)]
+def report(found: Path = FOUND) -> list[str]:
+    """How often the truth was found, in lines."""
+    fits = [line for _, line in lines.read(found)]
+    told = []
+    for kind, runs in sorted({(line["kind"], line["runs"]) for line in fits}):
+        of = [line for line in fits if (line["kind"], line["runs"]) == (kind, runs)]
+        told.append(f"{kind}: {len(of)} experiments, {runs} runs each")
+        told += [_coverage(of, place, name) for place, name in enumerate([*TRUTHS, STIFFNESS])]
+        held = [c["error"] for line in of for c in line["compared"] if c["held_out"]]
+        if held:
+            told.append(
+                f"  held-out error over what is explained: median {np.median(held):.2f}, root "
+                f"mean square {np.sqrt(np.mean(np.square(held))):.2f}, largest {max(held):.2f}"
+            )
+        fit, simulated = ([line[k] for line in of] for k in ("fit_cpu_s", "runs_cpu_s"))
+        told.append(
+            f"  CPU: simulations {np.median(simulated):.0f} s, emulators and posterior "
+            f"{np.median(fit):.0f} s (medians)"
+        )
+    return told
+
+
+def _coverage(of: Sequence[Mapping[str, Any]], place: int, name: str) -> str:
+    """How often intervals of a parameter hold its truth, and how narrow they are."""
+    ranks = np.array([line["rank"][place] for line in of])
+    shares = np.array([line["found"][place]["share"] for line in of])
+    sure = np.array([line["found"][place]["determined"] for line in of])
+    held, wide = np.abs(ranks - 0.5) <= 0.45, np.abs(ranks - 0.5) <= 0.475
+    return (
+        f"  {name}: in the 90 % interval {held.sum()} of {len(of)} ({held[sure].sum()} of "
+        f"{sure.sum()} that are determined), outside the 95 % interval {(~wide).sum()}; narrower "
+        f"than half the prior {(shares < DETERMINED).sum()}, median {np.median(shares):.2f}"
+    )
 
 
 if __name__ == "__main__":
