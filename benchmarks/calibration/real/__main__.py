@@ -1,6 +1,6 @@
 """Fit real recordings and print a table.
 
-    MFOPT_RECORDINGS=FOLDER python -m benchmarks.calibration.real balls|pendulum --work DIR
+    MFOPT_RECORDINGS=FOLDER python -m benchmarks.calibration.real balls|pendulum|hopper --work DIR
 
 The recordings are no part of this repository. Each case file, its runs and its result are kept in
 DIR; a case that has a result is not fitted again.
@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.calibration.real import balls, pendulum
+from benchmarks.calibration.real import balls, hopper, pendulum
 from benchmarks.calibration.real.text import CaseText
 
-CASES = {"balls": balls.cases, "pendulum": pendulum.cases}
+CASES = {"balls": balls.cases, "pendulum": pendulum.cases, "hopper": hopper.cases}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
