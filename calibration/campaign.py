@@ -14,7 +14,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from calibration.likelihood import EVERY_PART, Parts, likelihood
-from calibration.observed import Observed, observed
+from calibration.observed import Observed
 from calibration.posterior import LIVE, Posterior, prior_transform, sample, to_unit
 from calibration.recordings.case import Case
 from calibration.recordings.records import Noise
@@ -23,10 +23,9 @@ from calibration.runs import (
     Evaluate,
     Predicted,
     candidates,
-    end_of,
-    finished,
     predicted,
     predictions_of_each,
+    recording_with_runs,
 )
 from mfopt.arrays import Array
 from mfopt.errors import ConfigError
@@ -132,12 +131,10 @@ def fit(
     """
     observations, emulators = [], []
     for recording in case.fitted:
-        its = finished(made, recording)
-        seen = observed(recording, case.measurement, noises, end_of(its))
-        rows = np.array([seen.row(e.outcome.raw) for e in its])
-        z = to_unit(case.parameters, np.array([e.candidate.x for e in its]))
+        seen, x, rows = recording_with_runs(case, recording, noises, made)
         observations.append(seen)
-        emulators.append(fit_series(z, rows, [block.size for block in seen.blocks]))
+        blocks = [block.size for block in seen.blocks]
+        emulators.append(fit_series(to_unit(case.parameters, x), rows, blocks))
     likely = likelihood(observations, emulators, parts)
     posterior = sample(likely, case.parameters, seed=case.seed, live=live, around=around)
     residual, covariance = likely.residual(to_unit(case.parameters, posterior.best))

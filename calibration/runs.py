@@ -58,7 +58,11 @@ def predicted(
     rng = np.random.default_rng([case.seed, 2000])
     points = [(r, z[rng.integers(0, len(z), count)]) for r in case.recordings]
     made = evaluate(candidates(case.parameters, points, first, "predict"))
-    return tuple(_predicted(case, r, noises, made) for r in case.recordings), made
+    beside = []
+    for recording in case.recordings:
+        seen, x, rows = recording_with_runs(case, recording, noises, made)
+        beside.append(Predicted(seen, rows, x, recording.held_out))
+    return tuple(beside), made
 
 
 def candidates(
@@ -115,11 +119,16 @@ def end_of(made: Sequence[Evaluation]) -> float:
     return min(ends, default=1.0)
 
 
-def _predicted(
-    case: Case, recording: Recording, noises: Mapping[str, Noise], last: Sequence[Evaluation]
-) -> Predicted:
-    its = finished(last, recording)
+def recording_with_runs(
+    case: Case, recording: Recording, noises: Mapping[str, Noise], made: Sequence[Evaluation]
+) -> tuple[Observed, Array, Array]:
+    """A recording beside its finished runs: their parameters (n, d) and rows (n, p).
+
+    Raises:
+        ConfigError: if recording and simulation have no time in common.
+        SimulationError: if most runs of the recording failed.
+    """
+    its = finished(made, recording)
     seen = observed(recording, case.measurement, noises, end_of(its))
-    rows = np.array([seen.row(e.outcome.raw) for e in its])
     x = np.array([e.candidate.x for e in its])
-    return Predicted(seen, rows, x, recording.held_out)
+    return seen, x, np.array([seen.row(e.outcome.raw) for e in its])

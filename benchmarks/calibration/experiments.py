@@ -161,6 +161,7 @@ def write_case(experiment: Experiment, directory: Path) -> Path:
 def recorded_text(
     its: Mapping[str, Any], rng: np.random.Generator, zero: float, clock: float
 ) -> str:
+    """The text of a CSV file: a run with the errors of a camera and a ruler."""
     times = np.arange(0.0, its["time"][-1], 1.0 / RATE)
     true = {c: np.interp(times, its["time"], its[c]) for c in CHANNELS}
     level = true["level"] + zero + _noise(rng, len(times), LEVEL_NOISE)
@@ -181,16 +182,7 @@ def _noise(rng: np.random.Generator, count: int, sd: float) -> Array:
 
 
 def _case_text(experiment: Experiment) -> str:
-    parts = [
-        f'[case]\nname = "{experiment.name}"\nseed = 1',
-        '[rig]\nscene = "discharge"',
-        table("rig.discharge", HOPPER),
-        table("rig.grains", GRAINS),
-        table("rig.level", {"spheres_per_grain": 1, "young_modulus_pa": STATED}),
-        *(f"[parameters.{name}]\nrange = [{low}, {high}]" for name, (low, high) in TRUTHS.items()),
-        f"[measurement]\nclock_error = {CLOCK}",
-        f'[measurement.level]\nunit = "mm"\noffset = {1e3 * ZERO}',
-    ]
+    parts = [*case_head(experiment.name, TRUTHS), f"[measurement]\nclock_error = {CLOCK}"]
     for its in experiment.settings:
         files = [f"{its.name}-{repeat + 1}.csv" for repeat in range(its.repeats)]
         conditions = ", ".join(f"{k} = {v}" for k, v in its.conditions.items())
@@ -201,8 +193,20 @@ def _case_text(experiment: Experiment) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def table(name: str, content: Mapping[str, float]) -> str:
-    """A table of TOML."""
+def case_head(name: str, ranges: Mapping[str, tuple[float, float]]) -> list[str]:
+    """The tables of a case before its recordings: the rig, the parameters, the ruler."""
+    return [
+        f'[case]\nname = "{name}"\nseed = 1',
+        '[rig]\nscene = "discharge"',
+        _table("rig.discharge", HOPPER),
+        _table("rig.grains", GRAINS),
+        _table("rig.level", {"spheres_per_grain": 1, "young_modulus_pa": STATED}),
+        *(f'[parameters."{its}"]\nrange = [{low}, {high}]' for its, (low, high) in ranges.items()),
+        f'[measurement.level]\nunit = "mm"\noffset = {1e3 * ZERO}',
+    ]
+
+
+def _table(name: str, content: Mapping[str, float]) -> str:
     return "\n".join([f"[{name}]", *(f"{key} = {value}" for key, value in content.items())])
 
 

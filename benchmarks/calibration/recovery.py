@@ -28,8 +28,9 @@ from benchmarks.calibration.experiments import (
 )
 from benchmarks.calibration.kept_runs import KeptRuns, kept_runs
 from calibration.campaign import calibrate
-from calibration.posterior import to_unit
+from calibration.posterior import Posterior
 from calibration.summary import DETERMINED, summary
+from mfopt.arrays import Array
 from mfopt.study.case import assemble_case
 
 FOUND = Path(__file__).parent / "results" / "recovery.jsonl"
@@ -76,12 +77,12 @@ def fitted(experiment: Experiment, runs: int, work: Path, kept: KeptRuns) -> dic
     campaign = calibrate(parts.case, parts.noises, lambda c: kept.evaluate(c, parts.ladder), whole)
     cpu_s = time.process_time() - begun
     its = summary(campaign, parts.case, parts.problem, parts.noises, parts.rig.channels)
-    truth = to_unit(parts.case.parameters, np.append(experiment.truth, experiment.stiffness))
-    draws = to_unit(parts.case.parameters, campaign.fitted.posterior.draws)
+    truth = np.append(experiment.truth, experiment.stiffness)
+    rank = rank_of(truth, campaign.fitted.posterior)
     return {
         "name": experiment.name, "kind": experiment.kind, "runs": runs,
         "truth": experiment.truth.tolist(),
-        "rank": (draws < truth).mean(axis=0).round(4).tolist(),
+        "rank": rank.round(4).tolist(),
         "found": [
             {"mean": round(p.mean, 4), "share": round(p.share, 3), "determined": p.determined}
             for p in its.parameters
@@ -95,6 +96,11 @@ def fitted(experiment: Experiment, runs: int, work: Path, kept: KeptRuns) -> dic
         "new_runs": len(kept.there) - before, "runs_cpu_s": round(its.cpu_s, 1),
         "fit_cpu_s": round(cpu_s, 1),
     }  # fmt: skip
+
+
+def rank_of(truth: Array, posterior: Posterior) -> Array:
+    """Share of the posterior (d,) below the true parameters (d,)."""
+    return np.asarray((posterior.draws < truth).mean(axis=0))
 
 
 def _shown(line: Mapping[str, Any]) -> str:

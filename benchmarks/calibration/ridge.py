@@ -19,21 +19,18 @@ import numpy as np
 from benchmarks import lines
 from benchmarks.calibration.experiments import (
     CHANNELS,
-    GRAINS,
-    HOPPER,
     STATED,
     STEP,
     ZERO,
+    case_head,
     recorded_text,
     rig,
-    table,
 )
 from benchmarks.calibration.kept_runs import KeptRuns, kept_runs
-from benchmarks.calibration.recovery import WORK
+from benchmarks.calibration.recovery import WORK, rank_of
 from benchmarks.engine.agreement import seeds_of
 from benchmarks.engine.scenes import engine_named
 from calibration.campaign import calibrate
-from calibration.posterior import to_unit
 from calibration.runs import PREDICTED
 from calibration.summary import summary
 from mfopt.arrays import Array
@@ -87,8 +84,7 @@ def fitted(
     campaign = calibrate(parts.case, parts.noises, lambda c: kept.evaluate(c, parts.ladder), whole)
     its = summary(campaign, parts.case, parts.problem, parts.noises, parts.rig.channels)
     truth = np.append(truth_of(number), STATED)
-    draws = to_unit(parts.case.parameters, campaign.fitted.posterior.draws)
-    rank = (draws < to_unit(parts.case.parameters, truth)).mean(axis=0)
+    rank = rank_of(truth, campaign.fitted.posterior)
     return {
         "number": number, "recordings": "+".join(names), "runs": its.runs,
         "truth": truth.round(4).tolist(), "rank": rank.round(4).tolist(),
@@ -110,15 +106,7 @@ def _text(number: int, names: Sequence[str], directory: Path) -> str:
     simulator = replace(
         rig(young_modulus_pa=STATED, timestep_factor=STEP), engine=engine_named("numba")
     )
-    parts = [
-        f'[case]\nname = "ridge-{number}"\nseed = 1',
-        '[rig]\nscene = "discharge"',
-        table("rig.discharge", HOPPER),
-        table("rig.grains", GRAINS),
-        table("rig.level", {"spheres_per_grain": 1, "young_modulus_pa": STATED}),
-        *(f'[parameters."{n}"]\nrange = [{low}, {high}]' for n, (low, high) in RANGES.items()),
-        f'[measurement.level]\nunit = "mm"\noffset = {1e3 * ZERO}',
-    ]
+    parts = case_head(f"ridge-{number}", RANGES)
     if "heap" in names:
         parts += [
             f"[measurement.angle_of_repose]\nnoise = {ANGLE}",

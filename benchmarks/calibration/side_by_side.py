@@ -4,11 +4,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from calibration.observed import Observed, observed
+from calibration.observed import Observed
 from calibration.posterior import to_unit
 from calibration.recordings.case import Case
 from calibration.recordings.records import Noise
-from calibration.runs import end_of, finished
+from calibration.runs import recording_with_runs
 from mfopt.arrays import Array
 from mfopt.records.evaluation import Evaluation
 
@@ -19,9 +19,9 @@ def side_by_side(
     """The fitted recordings, and the parameters (n, d) and rows (n, p) where all runs finished."""
     seen, rows = [], []
     for recording in case.fitted:
-        its = finished(made, recording)
-        seen.append(observed(recording, case.measurement, noises, end_of(its)))
-        rows.append({tuple(e.candidate.x): seen[-1].row(e.outcome.raw) for e in its})
+        its, parameters, values = recording_with_runs(case, recording, noises, made)
+        seen.append(its)
+        rows.append({tuple(x): row for x, row in zip(parameters, values, strict=True)})
     whole = [x for x in rows[0] if all(x in other for other in rows)]
     z = to_unit(case.parameters, np.array(whole))
     return seen, z, np.array([np.concatenate([r[x] for r in rows]) for x in whole])
