@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.stats import chi2
 
-from calibration.likelihood import ALLOWANCE
+from calibration.parts import ALLOWANCE
 from calibration.posterior import Posterior, to_unit
 from calibration.recordings.case import Case
 from calibration.recordings.records import Noise, Recording

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import qmc
 
-from calibration.likelihood import EVERY_PART, Parts, likelihood
+from calibration.likelihood import likelihood
 from calibration.observed import Observed
+from calibration.parts import EVERY_PART, Parts
 from calibration.posterior import LIVE, Posterior, prior_transform, sample, to_unit
 from calibration.recordings.case import Case
 from calibration.recordings.records import Noise

@@ -9,57 +9,25 @@ adds, by recording,
     + zero and scale of each channel + clock (slope of the series times its error)
     + allowance for the difference between engine and reality, partly shared by all recordings.
 
-Each part can be left out (`Parts`).
+Each part can be left out (`calibration.parts.Parts`).
 """
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from calibration.observed import Observed
+from calibration.parts import EVERY_PART, Parts
 from mfopt.arrays import Array, frozen
-from mfopt.errors import ConfigError
 from surrogates.series import SeriesEmulator
 
-# The engine `numba` differs from YADE by up to 0.5 of the scatter of one run: `docs/engine`.
-ALLOWANCE = 0.4  # [scatters of one run]
 SHARED = 0.5  # of its variance, by all recordings
 WAVES = 8  # cosines over the run: the shortest lasts a quarter of it
 INDEPENDENT = 1e-6  # of a direction's size: what is left of it beside the components
 LEAST = 1e-9  # [of a score's variance] added to the diagonal
-
-
-@dataclass(frozen=True, slots=True)
-class Parts:
-    """Which errors count."""
-
-    packing: bool = True
-    measurement: bool = True
-    emulator: bool = True
-    constant: bool = True  # zero and scale
-    clock: bool = True
-    allowance: float = ALLOWANCE  # [scatters of one run]; 0: none
-
-
-EVERY_PART = Parts()
-
-
-def parts_without(names: Sequence[str]) -> Parts:
-    """Every error but these.
-
-    Raises:
-        ConfigError: if there is no such error.
-    """
-    known = [f.name for f in fields(Parts)]
-    for name in names:
-        if name not in known:
-            raise ConfigError(f"there is no error {name!r}; choose from {', '.join(known)}")
-    kept = {name: name not in names for name in known}
-    allowance = ALLOWANCE if kept.pop("allowance") else 0.0
-    return Parts(**kept, allowance=allowance)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

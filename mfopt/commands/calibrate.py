@@ -7,8 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from calibration.parts import ERRORS, Parts, parts_without
 from mfopt.arrays import frozen
 from mfopt.campaign.begin import begin, check_disk
 from mfopt.campaign.driver import Driver
@@ -29,13 +31,10 @@ from mfopt.records.objective import Criteria
 from mfopt.study.stored import CALIBRATE
 
 if TYPE_CHECKING:
-    from calibration.likelihood import Parts
     from mfopt.study.case import AssembledCase
 
 RUNS = 200
 MOMENTS = 4  # at which the grains of the best fit are drawn
-# The errors that a fit allows for; calibration.likelihood.Parts has the same names.
-PARTS = ("packing", "measurement", "emulator", "constant", "clock", "allowance")
 RESULT = {"posterior": records.FILE, "lbfgsb": "least-squares.json"}
 
 
@@ -57,7 +56,7 @@ def calibrate(
         Method, typer.Option(help="posterior: with intervals; lbfgsb: least squares, to compare")
     ] = Method.POSTERIOR,
     leave_out: Annotated[
-        list[str] | None, typer.Option(help=f"an error that shall not count: {', '.join(PARTS)}")
+        list[str] | None, typer.Option(help=f"an error that shall not count: {', '.join(ERRORS)}")
     ] = None,
     advise: Annotated[
         bool, typer.Option(help="simulate further experiments and say which would tell most")
@@ -69,7 +68,6 @@ def calibrate(
     """Fit the parameters of a simulation to recordings, with what the recordings cannot tell."""
     from calibration.advice import RUNS as RUNS_OF_ADVICE
     from calibration.campaign import runs_of_each
-    from calibration.likelihood import parts_without
     from fidelity.engines.numba import prepare
     from fidelity.rig import SceneRig
     from mfopt.study.case import COMPARED, assemble_case  # half a second, which only this needs
@@ -109,17 +107,15 @@ def calibrate(
 
             driver = Driver(parts.problem, Memory(into), runner, count, watch, {})
             try:
-                result, words, material = _found(parts, driver, runs, method, errors, advise=advise)
+                result, words, found = _found(parts, driver, runs, method, errors, advise=advise)
             finally:
                 runner.close()
         if into.end is None:
             into.add_end("all planned runs are made")
         write_aside(path / RESULT[method], result.encode())
-        if material is not None:
-            write_aside(path / "material.toml", material.encode())
-            on.print(f"wrote {path / 'material.toml'}")
-        if method is Method.POSTERIOR:
-            _draw_best_fit(parts, path)
+        if found is not None:
+            _write_material(parts, found, path, on)
+            _draw_best_fit(parts, found, path)
             write_calibration_pages(into, on)
     if as_json:
         typer.echo(result)
@@ -133,17 +129,15 @@ def _found(
     driver: Driver,
     runs: int,
     method: Method,
-    errors: "Parts",
+    errors: Parts,
     *,
     advise: bool,
-) -> tuple[str, list[str], str | None]:
-    """The result of a fit as JSON and in words, and the text of a material file, if any."""
+) -> tuple[str, list[str], records.Summary | None]:
+    """The result of a fit as JSON and in words, and the summary of a fit with intervals."""
     from calibration.advice import advise as told_most
     from calibration.campaign import calibrate as fitted_to
     from calibration.least_squares import fit_least_squares, least_squares_summary
     from calibration.summary import summary
-    from mfopt.study.calibrated import calibrated_material
-    from mfopt.study.material_file import material_text
 
     def evaluate(candidates: Sequence[Candidate]) -> list[Evaluation]:
         return driver.evaluate(candidates, parts.ladder, "none")
@@ -163,12 +157,23 @@ def _found(
             parts.noises, further, len(campaign.evaluations),
         )  # fmt: skip
     result = summary(campaign, parts.case, parts.problem, parts.noises, parts.rig.channels, advice)
-    material = calibrated_material(result, parts)
-    text = None if material is None else material_text(material)
-    return records.as_json(result), result.words, text
+    return records.as_json(result), result.words, result
 
 
-def _draw_best_fit(parts: "AssembledCase", path: Path) -> None:
+def _write_material(
+    parts: "AssembledCase", found: records.Summary, path: Path, on: Console
+) -> None:
+    """Write the material file, if what was found is a material."""
+    from mfopt.study.calibrated import calibrated_material
+    from mfopt.study.material_file import material_text
+
+    material = calibrated_material(found, parts)
+    if material is not None:
+        write_aside(path / "material.toml", material_text(material).encode())
+        on.print(f"wrote {path / 'material.toml'}")
+
+
+def _draw_best_fit(parts: "AssembledCase", found: records.Summary, path: Path) -> None:
     """Draw a run with the best parameters, if the simulator is a scene of mfopt."""
     from fidelity.rig import RigLevel
     from reports.calibration.figures import BEST_FIT
@@ -176,7 +181,7 @@ def _draw_best_fit(parts: "AssembledCase", path: Path) -> None:
 
     level = parts.ladder[parts.case.fitted[0].name]
     if isinstance(level, RigLevel):
-        best = frozen([p.best for p in records.read_summary(path).parameters])
+        best = frozen([p.best for p in found.parameters])
         drawn = snapshots(*level.pictured(best, seed=parts.case.seed, moments=MOMENTS))
         if drawn is not None:
             write_aside(path / BEST_FIT, drawn.encode())

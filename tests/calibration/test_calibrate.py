@@ -7,7 +7,8 @@ import pytest
 from toy_rig import SCATTER, TIMES, Tank, level_of
 
 from calibration.campaign import Campaign, calibrate, runs_of_each
-from calibration.likelihood import EVERY_PART, Parts, likelihood, with_scores
+from calibration.likelihood import likelihood, with_scores
+from calibration.parts import EVERY_PART, Parts
 from calibration.posterior import to_unit
 from calibration.recordings.case import Case, Measurement, Parameter
 from calibration.recordings.noise import measurement_noise

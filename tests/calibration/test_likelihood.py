@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from test_calibrate import PARAMETERS
 
-from calibration.likelihood import EVERY_PART, parts_without
+from calibration.parts import EVERY_PART, parts_without
 from calibration.posterior import Posterior, from_unit, prior_transform, sample, to_unit
 from calibration.recordings.case import Parameter
 from mfopt.arrays import Array
