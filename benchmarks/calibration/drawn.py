@@ -1,11 +1,13 @@
-"""Do the intervals hold the truth? On experiments drawn from the emulators of a finished run.
+"""Do the intervals hold the truth? On experiments drawn from the emulators of fitted ones.
 
-    python -m benchmarks.calibration.drawn CASE.toml --directory RUN --runs 100 --draws 100
+    python -m benchmarks.calibration.drawn fit [--experiments 1-5] [--draws 100]
+    python -m benchmarks.calibration.drawn report
 
-RUN is the directory that `mfopt calibrate CASE.toml` filled with so many runs; no new run is made.
-Each experiment has parameters drawn from the prior, packing noise, measurement noise, errors of
-zero and clock, and the allowance, as large as the likelihood takes them to be. The intervals then
-hold the truth as often as they say, unless the sampler or the likelihood errs.
+Each fit of a known experiment (`benchmarks.calibration.recovery`) gives emulators and a likelihood.
+From these, experiments are drawn: parameters from the prior, packing noise, measurement noise,
+errors of zero and clock, and the allowance, as large as the likelihood takes them to be. The
+intervals then hold the truth as often as they say, unless the sampler or the likelihood errs. What
+was drawn once is not drawn again.
 """
 
 import argparse
@@ -17,64 +19,110 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.campaign import calibrate
+from benchmarks import lines
+from benchmarks.calibration.experiments import CHANNELS, chosen
+from benchmarks.calibration.kept_runs import kept_runs
+from benchmarks.calibration.recovery import RUNS, WORK, fit_of
 from calibration.likelihood import Likelihood, likelihood, with_scores
-from calibration.posterior import prior_transform, sample, to_unit
+from calibration.posterior import LEVEL, prior_transform, sample, to_unit
 from calibration.recordings.case import Parameter
 from mfopt.arrays import Array
-from mfopt.campaign.memory import Memory
-from mfopt.campaign.store import open_run
-from mfopt.errors import ConfigError
-from mfopt.records.evaluation import Candidate, Evaluation
-from mfopt.study.case import COMPARED, assemble_case
 
-LEVELS = (0.5, 0.9)
+FOUND = Path(__file__).parent / "results" / "drawn.jsonl"
+LEVELS = (0.5, LEVEL)
+
+Task = tuple[Likelihood, tuple[Parameter, ...], int]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Draw experiments, fit them, and print how often the truth lies in the intervals."""
+    """Fit or report, as the command line says."""
     parser = argparse.ArgumentParser(prog="drawn", description="coverage on drawn experiments")
-    parser.add_argument("case", type=Path)
-    parser.add_argument("--directory", type=Path, required=True)
-    parser.add_argument("--runs", type=int, required=True)
-    parser.add_argument("--draws", type=int, default=100)
-    parser.add_argument("--jobs", type=int, default=2)
+    commands = parser.add_subparsers(required=True)
+    fit = commands.add_parser("fit", help="draw experiments and fit them")
+    fit.add_argument("--experiments", nargs="*", default=["1-5"])
+    fit.add_argument("--draws", type=int, default=100)
+    fit.add_argument("--jobs", type=int, default=2)
+    fit.add_argument("--work", type=Path, default=WORK)
+    fit.set_defaults(do=_fit)
+    told = commands.add_parser("report", help="print how often intervals hold the truth")
+    told.set_defaults(do=lambda _: print("\n".join(report())))
     given = parser.parse_args(arguments)
-    parts = assemble_case(given.case)
-    memory = Memory(open_run(given.directory, COMPARED))
-
-    def stored(candidates: Sequence[Candidate]) -> list[Evaluation]:
-        found = [memory.recall(c) for c in candidates]
-        if None in found:
-            raise ConfigError(f"{given.directory} lacks runs; finish it with mfopt calibrate")
-        return [e for e in found if e is not None]
-
-    fitted = calibrate(parts.case, parts.noises, stored, given.runs).fitted
-    likely = likelihood(fitted.observations, fitted.emulators)
-    tasks = [(likely, parts.case.parameters, seed) for seed in range(given.draws)]
-    with ProcessPoolExecutor(given.jobs, mp_context=get_context("spawn")) as pool:
-        ranks = np.array(list(pool.map(rank_of_truth, tasks)))  # (draws, d)
-    for name, column in zip(parts.problem.names, ranks.T, strict=True):
-        held = [np.mean(np.abs(column - 0.5) <= level / 2) for level in LEVELS]
-        pairs = zip(LEVELS, held, strict=True)
-        said = ", ".join(f"{level:.0%} interval: {h:.1%}" for level, h in pairs)
-        print(f"{name}: {said}")
-    pooled = np.mean(np.abs(ranks - 0.5) <= LEVELS[-1] / 2)
-    print(f"pooled over {ranks.size}: {pooled:.1%} in the {LEVELS[-1]:.0%} interval")
+    given.do(given)
     return 0
 
 
-def rank_of_truth(task: tuple[Likelihood, tuple[Parameter, ...], int]) -> Array:
+def _fit(given: argparse.Namespace) -> None:
+    draw(given.experiments, given.draws, given.work, given.jobs)
+
+
+def draw(
+    experiments: Sequence[str], draws: int, work: Path, jobs: int, found: Path = FOUND
+) -> None:
+    """Draw and fit so many experiments from each fit of a known one, unless they are there.
+
+    Args:
+        experiments: numbers of the known ones, such as `1-5`.
+        draws: from each.
+        work: where the runs are kept.
+        jobs: processes.
+        found: file of the results.
+    """
+    there = {(line["name"], line["draw"]) for _, line in lines.read(found)}
+    for known in chosen(experiments, []):
+        numbers = [n for n in range(draws) if (known.name, n) not in there]
+        if not numbers:
+            continue
+        with kept_runs(work / "runs.jsonl", CHANNELS, jobs) as kept:
+            parts, campaign = fit_of(known, RUNS, work, kept)
+            likely = likelihood(campaign.fitted.observations, campaign.fitted.emulators)
+        parameters = parts.case.parameters
+        tasks = [(likely, parameters, n) for n in numbers]
+        with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+            for number, rank in zip(numbers, pool.map(rank_of_truth, tasks), strict=True):
+                ranks = {p.name: round(r, 4) for p, r in zip(parameters, rank, strict=True)}
+                lines.append(found, {"name": known.name, "draw": number, "rank": ranks})
+
+
+def rank_of_truth(task: Task) -> list[float]:
     """Share of the posterior (d,) below the truth of one drawn experiment."""
-    likely, parameters, seed = task
-    rng = np.random.default_rng(seed)
+    likely, parameters, number = task
+    rng = np.random.default_rng(number)
     z = prior_transform(parameters)(rng.random(len(parameters)))
     residual, covariance = likely.residual(z)
     own = likely.scores - residual  # the emulators' mean
     drawn = own + np.linalg.cholesky(covariance) @ rng.normal(size=len(own))
-    posterior = sample(with_scores(likely, drawn), parameters, seed=seed)
+    posterior = sample(with_scores(likely, drawn), parameters, seed=number)
     draws = to_unit(parameters, posterior.draws)
-    return np.asarray((draws < z).mean(axis=0))
+    return [float(share) for share in (draws < z).mean(axis=0)]
+
+
+def report(found: Path = FOUND) -> list[str]:
+    """How often intervals hold the truth, by parameter and over all."""
+    ranks = [line["rank"] for _, line in lines.read(found)]
+    if not ranks:
+        return []
+    told = [f"{len(ranks)} drawn experiments"]
+    table: Array = np.array([list(rank.values()) for rank in ranks])
+    for name, column in zip(ranks[0], table.T, strict=True):
+        held = [float(np.mean(_held(column, level))) for level in LEVELS]
+        pairs = zip(LEVELS, held, strict=True)
+        told.append(
+            f"  {name}: "
+            + ", ".join(f"{held:.1%} in the {level:.0%} interval" for level, held in pairs)
+        )
+    pooled = _held(table, LEVEL)
+    # Parameters of one experiment depend on each other: the experiments are what is counted.
+    mean = pooled.mean(axis=1)
+    sd = float(mean.std(ddof=1) / np.sqrt(len(mean))) if len(mean) > 1 else float("nan")
+    told.append(
+        f"  pooled: {float(pooled.mean()):.1%} in the {LEVEL:.0%} interval (+- {1.96 * sd:.1%})"
+    )
+    return told
+
+
+def _held(rank: Array, level: float) -> Array:
+    """Whether central intervals hold the truth."""
+    return np.asarray(np.abs(rank - 0.5) <= level / 2.0)
 
 
 if __name__ == "__main__":

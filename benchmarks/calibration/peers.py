@@ -52,7 +52,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     fit.add_argument("--work", type=Path, default=WORK)
     fit.set_defaults(do=_fit)
     told = commands.add_parser("report", help="print the errors on the held-out recordings")
-    told.set_defaults(do=lambda _: print("\n".join(report([it for _, it in lines.read(FOUND)]))))
+    told.set_defaults(do=lambda _: print("\n".join(report(fits()))))
     given = parser.parse_args(arguments)
     given.do(given)
     return 0
@@ -118,6 +118,11 @@ def judged(
                  "runs": len(its), **means}
             )  # fmt: skip
     return told
+
+
+def fits() -> Lines:
+    """The fits made so far."""
+    return [line for _, line in lines.read(FOUND)]
 
 
 def errors(made: Lines) -> dict[tuple[int, str, str], float]:

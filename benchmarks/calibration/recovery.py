@@ -27,11 +27,12 @@ from benchmarks.calibration.experiments import (
     write_case,
 )
 from benchmarks.calibration.kept_runs import KeptRuns, kept_runs
-from calibration.campaign import calibrate
+from calibration.campaign import Campaign, calibrate
 from calibration.posterior import Posterior
 from calibration.summary import DETERMINED, summary
 from mfopt.arrays import Array
-from mfopt.study.case import assemble_case
+from mfopt.records.evaluation import Candidate, Evaluation
+from mfopt.study.case import AssembledCase, assemble_case
 
 FOUND = Path(__file__).parent / "results" / "recovery.jsonl"
 WORK = Path("runs") / "calibration-benchmark"
@@ -65,16 +66,13 @@ def _fit(given: argparse.Namespace) -> None:
             if (experiment.name, given.runs) not in there:
                 line = fitted(experiment, given.runs, given.work, kept)
                 lines.append(FOUND, line)
-                print(_shown(line), flush=True)
+                print(shown(line), flush=True)
 
 
 def fitted(experiment: Experiment, runs: int, work: Path, kept: KeptRuns) -> dict[str, Any]:
     """Fit one experiment; `runs` are those of a case that has held-out recordings too."""
-    parts = assemble_case(write_case(experiment, work / experiment.name))
-    # Equally many runs for each fitted recording, so that experiments share them.
-    whole = runs - PREDICTED * (len(SETTINGS) - len(experiment.settings))
     begun, before = time.process_time(), len(kept.there)
-    campaign = calibrate(parts.case, parts.noises, lambda c: kept.evaluate(c, parts.ladder), whole)
+    parts, campaign = fit_of(experiment, runs, work, kept)
     cpu_s = time.process_time() - begun
     its = summary(campaign, parts.case, parts.problem, parts.noises, parts.rig.channels)
     truth = np.append(experiment.truth, experiment.stiffness)
@@ -98,12 +96,27 @@ def fitted(experiment: Experiment, runs: int, work: Path, kept: KeptRuns) -> dic
     }  # fmt: skip
 
 
+def fit_of(
+    experiment: Experiment, runs: int, work: Path, kept: KeptRuns
+) -> tuple[AssembledCase, Campaign]:
+    """The case of an experiment, and its fit."""
+    parts = assemble_case(write_case(experiment, work / experiment.name))
+    # Equally many runs for each fitted recording, so that experiments share them.
+    whole = runs - PREDICTED * (len(SETTINGS) - len(experiment.settings))
+
+    def evaluate(candidates: Sequence[Candidate]) -> list[Evaluation]:
+        return kept.evaluate(candidates, parts.ladder)
+
+    return parts, calibrate(parts.case, parts.noises, evaluate, whole)
+
+
 def rank_of(truth: Array, posterior: Posterior) -> Array:
     """Share of the posterior (d,) below the true parameters (d,)."""
     return np.asarray((posterior.draws < truth).mean(axis=0))
 
 
-def _shown(line: Mapping[str, Any]) -> str:
+def shown(line: Mapping[str, Any]) -> str:
+    """A fit in one line: for each parameter the rank of the truth and the share of the prior."""
     ranks = " ".join(
         f"{r:.2f}({f['share']:.2f})" for r, f in zip(line["rank"], line["found"], strict=True)
     )
