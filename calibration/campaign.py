@@ -23,10 +23,12 @@ from calibration.runs import (
     FEWEST_PREDICTED,
     Evaluate,
     Predicted,
+    See,
     candidates,
     predicted,
     predictions_of_each,
     recording_with_runs,
+    seeing,
 )
 from mfopt.arrays import Array
 from mfopt.errors import ConfigError
@@ -83,14 +85,14 @@ def calibrate(
     """
     each = runs_of_each(case, runs)
     spread = round(FIRST * each)
-    made = list(evaluate(_spread(case, spread)))
+    made, see = list(evaluate(_spread(case, spread))), seeing(case, noises)
     for number in range(ROUNDS):
-        so_far = fit(case, noises, made, parts, live=ROUGH)
+        so_far = fit(case, see, made, parts, live=ROUGH)
         count = (each - len(made) // len(case.fitted)) // (ROUNDS - number)
         made += evaluate(_refined(case, so_far.posterior, number, count, len(made)))
-    fitted = fit(case, noises, made, parts, around=so_far.posterior.box)
+    fitted = fit(case, see, made, parts, around=so_far.posterior.box)
     z = to_unit(case.parameters, fitted.posterior.draws)
-    beside, last = predicted(case, noises, evaluate, z, predictions_of_each(case, runs), len(made))
+    beside, last = predicted(case, see, evaluate, z, predictions_of_each(case, runs), len(made))
     return Campaign(fitted, beside, (*made, *last))
 
 
@@ -114,7 +116,7 @@ def runs_of_each(case: Case, runs: int) -> int:
 
 def fit(
     case: Case,
-    noises: Mapping[str, Noise],
+    see: See,
     made: Sequence[Evaluation],
     parts: Parts,
     live: int = LIVE,
@@ -124,7 +126,7 @@ def fit(
 
     Args:
         case: with the recordings.
-        noises: measurement noise by channel.
+        see: puts a recording in a row.
         made: the runs.
         parts: errors that count.
         live: points of the sampler.
@@ -132,7 +134,7 @@ def fit(
     """
     observations, emulators = [], []
     for recording in case.fitted:
-        seen, x, rows = recording_with_runs(case, recording, noises, made)
+        seen, x, rows = recording_with_runs(recording, made, see)
         observations.append(seen)
         blocks = [block.size for block in seen.blocks]
         emulators.append(fit_series(to_unit(case.parameters, x), rows, blocks))

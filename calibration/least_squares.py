@@ -25,6 +25,7 @@ from calibration.runs import (
     flaw,
     predicted,
     predictions_of_each,
+    seeing,
 )
 from calibration.summary import compared, error_in_words
 from mfopt.arrays import Array, frozen
@@ -86,7 +87,7 @@ def fit_least_squares(
     if squares.best is None:
         raise SimulationError("every run failed; see the reasons in the run directory")
     z, made = squares.best[None], len(squares.made)
-    beside, last = predicted(case, noises, evaluate, z, count, made)
+    beside, last = predicted(case, seeing(case, noises), evaluate, z, count, made)
     x = last[0].candidate.x
     return LeastSquares(frozen(x), squares.lowest, beside, (*squares.made, *last))
 

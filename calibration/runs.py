@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -20,6 +21,7 @@ FEWEST_PREDICTED = 3
 MOST_FAILED = 0.5  # of the runs of a recording
 
 Evaluate = Callable[[Sequence[Candidate]], list[Evaluation]]  # runs, stores, resumes
+See = Callable[[Recording, float], Observed]  # a recording up to the end of the simulation [s]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,7 +41,7 @@ def predictions_of_each(case: Case, runs: int) -> int:
 
 def predicted(
     case: Case,
-    noises: Mapping[str, Noise],
+    see: See,
     evaluate: Evaluate,
     z: Array,
     count: int,
@@ -49,7 +51,7 @@ def predicted(
 
     Args:
         case: with the recordings.
-        noises: measurement noise by channel.
+        see: puts a recording in a row.
         evaluate: makes the runs.
         z: equally likely parameters (n, d) in the unit cube, of which `count` are drawn.
         count: runs for each recording.
@@ -60,7 +62,7 @@ def predicted(
     made = evaluate(candidates(case.parameters, points, first, "predict"))
     beside = []
     for recording in case.recordings:
-        seen, x, rows = recording_with_runs(case, recording, noises, made)
+        seen, x, rows = recording_with_runs(recording, made, see)
         beside.append(Predicted(seen, rows, x, recording.held_out))
     return tuple(beside), made
 
@@ -119,8 +121,21 @@ def end_of(made: Sequence[Evaluation]) -> float:
     return min(ends, default=1.0)
 
 
+def seeing(case: Case, noises: Mapping[str, Noise]) -> See:
+    """Puts recordings of a case in a row, each once for every end of the simulated time.
+
+    A recording of many samples takes seconds, and each of several fits asks for all of them.
+    """
+
+    @cache
+    def see(recording: Recording, end: float) -> Observed:
+        return observed(recording, case.measurement, noises, end)
+
+    return see
+
+
 def recording_with_runs(
-    case: Case, recording: Recording, noises: Mapping[str, Noise], made: Sequence[Evaluation]
+    recording: Recording, made: Sequence[Evaluation], see: See
 ) -> tuple[Observed, Array, Array]:
     """A recording beside its finished runs: their parameters (n, d) and rows (n, p).
 
@@ -129,6 +144,6 @@ def recording_with_runs(
         SimulationError: if most runs of the recording failed.
     """
     its = finished(made, recording)
-    seen = observed(recording, case.measurement, noises, end_of(its))
+    seen = see(recording, end_of(its))
     x = np.array([e.candidate.x for e in its])
     return seen, x, np.array([seen.row(e.outcome.raw) for e in its])

@@ -24,11 +24,10 @@ from benchmarks.calibration.experiments import CHANNELS, Experiment, chosen, wri
 from benchmarks.calibration.kept_runs import KeptRuns, kept_runs
 from benchmarks.calibration.peer_methods import METHODS
 from benchmarks.calibration.recovery import WORK
-from calibration.observed import observed
 from calibration.posterior import to_unit
 from calibration.recordings.case import Case
 from calibration.recordings.records import Noise
-from calibration.runs import Evaluate, candidates, end_of, finished
+from calibration.runs import Evaluate, candidates, recording_with_runs, seeing
 from mfopt.arrays import Array
 from mfopt.study.case import assemble_case
 
@@ -101,11 +100,9 @@ def judged(
     z = np.tile(to_unit(case.parameters, x), (JUDGED, 1))
     asked = candidates(case.parameters, [(r, z) for r in case.held_out], FIRST_JUDGED, "predict")
     made = evaluate(asked)
-    told = []
+    told, see = [], seeing(case, noises)
     for recording in case.held_out:
-        its = finished(made, recording)
-        seen = observed(recording, case.measurement, noises, end_of(its))
-        rows = np.array([seen.row(e.outcome.raw) for e in its])
+        seen, _, rows = recording_with_runs(recording, made, see)
         parts = {
             "square": (seen.values - rows.mean(axis=0)) ** 2,
             "variance": rows.var(axis=0, ddof=1),
@@ -115,7 +112,7 @@ def judged(
             means = {k: float(seen.split(v)[block.channel].mean()) for k, v in parts.items()}
             told.append(
                 {"recording": seen.name, "channel": block.channel, "repeats": seen.repeats,
-                 "runs": len(its), **means}
+                 "runs": len(rows), **means}
             )  # fmt: skip
     return told
 
