@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping
 from pathlib import Path
 
-from benchmarks.calibration.real.text import CaseText
+from benchmarks.calibration.real.text import CaseText, function_rig, head
 
 FOLDER, FILE = "ball_drops", "ball_drops.csv"
 OUNCE = 0.0283495  # [kg]
@@ -35,22 +35,10 @@ SCALE = 0.03  # 1 sd, relative, of the camera
 RUNS = 60  # of a case of one ball
 
 
-def head(name: str, parameters: tuple[str, ...], scale: float = SCALE) -> str:
+def before(name: str, parameters: tuple[str, ...], scale: float = SCALE) -> str:
     """The case file without recordings."""
-    return f"""[case]
-name = "{name}"
-seed = 1
-
-[rig]
-function = "{SIMULATOR}:fall"
-
-[rig.channels.height]
-unit = "m"
-size = 47.0
-
-{"".join(PARAMETERS[p] for p in parameters)}
-[measurement]
-clock_offset_s = 0.1       # the release is not seen to a picture or two
+    rig = function_rig(SIMULATOR, "fall", "height", "m", 47.0)
+    measurement = f"""clock_offset_s = 0.1       # the release is not seen to a picture or two
 
 [measurement.height]
 offset = 1.5               # [m] zero, and height of the hand
@@ -60,6 +48,7 @@ scale = {scale}               # of the camera
 rename = {{ h_m = "height [m]" }}
 ignore = ["v_mps"]
 """
+    return head(name, rig, (PARAMETERS[p] for p in parameters), measurement)
 
 
 def drop(ball: str, number: int, file: Path, conditions: str, *, held_out: bool) -> str:
@@ -89,13 +78,13 @@ def cases(data: Path) -> list[CaseText]:
             name = f"{ball.lower().replace(' ', '-')}-{model}"
             drops = (drop(ball, n, file, "", held_out=n == 2) for n in (1, 2))
             scale = 0.0 if "exact" in model else SCALE
-            made.append(CaseText(name, head(name, parameters, scale) + "".join(drops), RUNS))
+            made.append(CaseText(name, before(name, parameters, scale) + "".join(drops), RUNS))
     return made
 
 
 def pooled(file: Path) -> str:
     """The case file of all balls that were weighed, with one drag coefficient."""
-    text = head("pooled", ("drag",))
+    text = before("pooled", ("drag",))
     for ball, (weight, round_cm) in SIZES.items():
         its = f", mass = {weight * OUNCE:.5f}, diameter = {round_cm / 100.0 / math.pi:.5f}"
         text += "".join(drop(ball, n, file, its, held_out=n == 2) for n in (1, 2))

@@ -7,7 +7,7 @@ slowly. Restitution is that of another group; friction of the walls lies about w
 import csv
 from pathlib import Path
 
-from benchmarks.calibration.real.text import CaseText
+from benchmarks.calibration.real.text import CaseText, head
 
 FILE = "hopper_discharge_digitised/hopper_discharge_fraction.csv"
 SERIES = "plastic_ball"
@@ -18,6 +18,15 @@ PARAMETERS = {
     "rolling": '[parameters."rolling_resistance.coefficient"]\nrange = [0.0, 0.2]\n',
     "wall": "[parameters.wall_friction]\nrange = [0.2, 0.6]\nprior.normal = [0.4, 0.1]\n",
 }
+MEASURED = """clock_offset_s = 0.1       # the curve was read off a figure
+
+[measurement.discharged_fraction]
+noise = 0.005
+
+[[recording]]
+name = "balls"
+files = ["balls.csv"]
+"""
 MODELS = {"sliding": ("friction", "wall"), "rolling": ("friction", "wall", "rolling")}
 
 
@@ -28,20 +37,15 @@ def cases(data: Path) -> list[CaseText]:
     curve = "".join(f"{row['t_s']},{row['discharged_pct']}\n" for row in rows)
     files = {"balls.csv": "time [s],discharged_fraction [%]\n" + curve}
     return [
-        CaseText(f"hopper-{name}", head(f"hopper-{name}", names), RUNS, files)
+        CaseText(f"hopper-{name}", whole(f"hopper-{name}", names), RUNS, files)
         for name, names in MODELS.items()
     ]
 
 
-def head(name: str, parameters: tuple[str, ...]) -> str:
+def whole(name: str, parameters: tuple[str, ...]) -> str:
     """The case file."""
     mass = COUNT * 3.141593 / 6.0 * (1e-3 * DIAMETER_MM) ** 3 * DENSITY
-    return f"""[case]
-name = "{name}"
-seed = 1
-
-[rig]
-scene = "discharge"
+    rig = f"""scene = "discharge"
 
 [rig.discharge]
 length_mm = 200
@@ -63,15 +67,5 @@ friction_angle_deg = 20    # replaced by the parameter
 [rig.level]
 spheres_per_grain = 1
 restitution = 0.85
-
-{"".join(PARAMETERS[p] for p in parameters)}
-[measurement]
-clock_offset_s = 0.1       # the curve was read off a figure
-
-[measurement.discharged_fraction]
-noise = 0.005
-
-[[recording]]
-name = "balls"
-files = ["balls.csv"]
 """
+    return head(name, rig, (PARAMETERS[p] for p in parameters), MEASURED)

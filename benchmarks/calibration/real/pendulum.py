@@ -9,7 +9,7 @@ import gzip
 import math
 from pathlib import Path
 
-from benchmarks.calibration.real.text import CaseText
+from benchmarks.calibration.real.text import CaseText, function_rig, head
 
 FOLDER, FILE = "pendulum_multiarm", "single_pendulum.csv.gz"
 SIMULATOR = Path(__file__).parents[3] / "examples" / "calibration" / "pendulum" / "pendulum.py"
@@ -26,6 +26,12 @@ MODELS = {
 }  # fmt: skip
 FITTED = 4
 RUNS = 240
+MEASUREMENT = """clock_offset_s = 0.0       # a segment begins where its conditions hold
+
+[measurement.angle]
+offset = 0.01              # of the zero
+noise = 0.02               # the encoder has less: what the equation of motion may lack
+"""
 THINNED = 10  # of 1 000 samples a second, that many are one
 
 
@@ -37,10 +43,10 @@ def cases(data: Path) -> list[CaseText]:
             its = (float(row["t_s"]), float(row["theta"]) - math.pi, float(row["omega"]))
             segments.setdefault(int(row["seg"]), []).append(its)
     files = {f"segment-{n}.csv": series(rows) for n, rows in segments.items()}
-    made = []
+    made, rig = [], function_rig(SIMULATOR, "swing", "angle", "rad", 3.0)
     for model, parameters in MODELS.items():
         fixed = "".join(f", {k} = {v}" for k, v in FIXED.items() if k not in parameters)
-        text = head(f"pendulum-{model}", parameters)
+        text = head(f"pendulum-{model}", rig, (PARAMETERS[p] for p in parameters), MEASUREMENT)
         text += "".join(segment(n, rows[0], fixed) for n, rows in segments.items())
         made.append(CaseText(f"pendulum-{model}", text, RUNS, files))
     return made
@@ -50,29 +56,6 @@ def series(rows: list[tuple[float, float, float]]) -> str:
     """A recording file of time and angle, with the time from the first sample."""
     lines = [f"{t - rows[0][0]:.4f},{angle:.6f}\n" for t, angle, _ in rows[::THINNED]]
     return "time [s],angle [rad]\n" + "".join(lines)
-
-
-def head(name: str, parameters: tuple[str, ...]) -> str:
-    """The case file without recordings."""
-    return f"""[case]
-name = "{name}"
-seed = 1
-
-[rig]
-function = "{SIMULATOR}:swing"
-
-[rig.channels.angle]
-unit = "rad"
-size = 3.0
-
-{"".join(PARAMETERS[p] for p in parameters)}
-[measurement]
-clock_offset_s = 0.0       # a segment begins where its conditions hold
-
-[measurement.angle]
-offset = 0.01              # of the zero
-noise = 0.02               # the encoder has less: what the equation of motion may lack
-"""
 
 
 def segment(number: int, first: tuple[float, float, float], fixed: str) -> str:
