@@ -141,13 +141,14 @@ def test_wrong_words_are_named(tmp_path: Path, old: str, new: str, said: str) ->
     assert not (tmp_path / "run" / "run.json").exists()
 
 
-def test_a_recording_may_name_another_scene(tmp_path: Path) -> None:
+@pytest.mark.parametrize("table", ["", "[rig.heap]\nportion_kg = 0.2\n\n"])
+def test_a_recording_may_name_another_scene_and_brings_its_channels(
+    tmp_path: Path, table: str
+) -> None:
     for file in EXAMPLE.iterdir():
         (tmp_path / file.name).write_text(file.read_text())
     path = tmp_path / "case.toml"
-    text = path.read_text().replace(
-        "[rig.discharge]", "[rig.heap]\nportion_kg = 0.2\n\n[rig.discharge]"
-    )
+    text = path.read_text().replace("[rig.discharge]", f"{table}[rig.discharge]")
     text += (
         '\n[[recording]]\nname = "heap"\nconditions = { scene = "heap" }\n'
         'scalars = { angle_of_repose = { values = [21.0, 22.0], unit = "deg" } }\n'
@@ -156,6 +157,7 @@ def test_a_recording_may_name_another_scene(tmp_path: Path) -> None:
     parts = assemble_case(path)
     assert parts.ladder.names[-1] == "heap"
     assert parts.case.recordings[-1].scalars == ("angle_of_repose",)
+    assert "angle_of_repose" in parts.rig.channels
 
 
 @pytest.mark.parametrize(
@@ -226,15 +228,3 @@ def test_an_option_of_an_engine_reaches_it(tmp_path: Path, monkeypatch: pytest.M
 def test_an_option_of_another_engine_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"case\.toml: rig: precision = 'longdouble' is an opt"):
         assemble_case(with_precision(tmp_path, "numba"))
-
-
-def test_a_recording_of_another_scene_brings_the_channels_of_that_scene(case: Path) -> None:
-    path = case.parent / "with_heap.toml"
-    heap = (
-        '\n[[recording]]\nname = "heap"\nconditions = { scene = "heap" }\n'
-        'scalars.angle_of_repose = { unit = "deg", values = [20, 22] }\n'
-    )
-    path.write_text(case.read_text() + heap)
-    parts = assemble_case(path)
-    assert parts.ladder.names[-1] == "heap"
-    assert "angle_of_repose" in parts.rig.channels
