@@ -9,7 +9,7 @@ from calibration.recordings.records import Recording
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A number of the simulation that the recordings are to determine, in the rig's unit.
+    """A number of the simulation that the recordings are to determine.
 
     The prior is uniform over the range, or a normal distribution cut off at the ends of the range.
     If `log`, both are of the logarithm: the mean is then the median, `sd` over it a relative one.
@@ -21,6 +21,7 @@ class Parameter:
     mean: float | None = None  # of the normal prior; None: uniform
     sd: float | None = None
     log: bool = False
+    unit: str = "-"  # of the values above
     asked: bool = True  # False: left free because nobody knows it exactly
 
 

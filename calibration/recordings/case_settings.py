@@ -38,6 +38,7 @@ class ParameterSettings(Settings):
 
     range: tuple[Bound, Bound] = Field(strict=False)
     prior: PriorSettings | None = None
+    unit: Name = "-"  # of a parameter of the user's own program; a scene brings its units
 
     @model_validator(mode="after")
     def _ordered(self) -> "ParameterSettings":
@@ -61,7 +62,7 @@ class ParameterSettings(Settings):
     def named(self, name: str) -> Parameter:
         """The record."""
         mean, sd = self.prior.normal if self.prior else (None, None)
-        return Parameter(name, *self.range, mean, sd)
+        return Parameter(name, *self.range, mean, sd, unit=self.unit)
 
 
 class KnownSettings(Settings):

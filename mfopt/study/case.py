@@ -69,15 +69,11 @@ def assemble_case(path: Path) -> AssembledCase:
     chosen = {str(r.conditions[SCENE]) for r in settings.recording if SCENE in r.conditions}
     rig = _rig(settings.rig, path, chosen)
     case = complete_case(settings, path, rig.channels)
-    parameters, units = _parameters(case, rig, path)
-    case = replace(case, parameters=parameters)
-    names = tuple(p.name for p in parameters)
+    case = replace(case, parameters=_parameters(case, rig, path))
+    names = tuple(p.name for p in case.parameters)
     ladder = Ladder(tuple(rig.level(r.name, r.conditions, names) for r in case.recordings))
     problem = Problem(
-        tuple(
-            Variable(p.name, p.low, p.high, unit)
-            for p, unit in zip(case.parameters, units, strict=True)
-        ),
+        tuple(Variable(p.name, p.low, p.high, p.unit) for p in case.parameters),
         frozen([(p.low + p.high) / 2.0 for p in case.parameters]),
     )
     given = {p.name: p.conditions for p in settings.possible}
@@ -88,28 +84,34 @@ def assemble_case(path: Path) -> AssembledCase:
     return AssembledCase(case, rig, problem, ladder, further, noises, text, meaning)
 
 
-def _parameters(case: Case, rig: Rig, path: Path) -> tuple[tuple[Parameter, ...], tuple[str, ...]]:
-    """The parameters of the case and those that the rig cannot know, and the unit of each.
+def _parameters(case: Case, rig: Rig, path: Path) -> tuple[Parameter, ...]:
+    """The parameters of the case, and those that the rig cannot know.
 
     Raises:
-        ConfigError: if a range is impossible.
+        ConfigError: if a range is impossible, or a unit is not that of the rig.
     """
-    found, units = [], []
+    found = []
     for given in case.parameters:
         its = rig.parameter(given.name)
-        if its is not None and its.log and given.low <= 0.0:
+        if its is None:
+            found.append(given)
+            continue
+        if given.unit not in ("-", its.unit):
+            raise ConfigError(
+                f"{path}: parameters.{given.name}: unit = {given.unit!r} must be {its.unit!r}, as "
+                "in the scene; leave it out, and give the range in that unit"
+            )
+        if its.log and given.low <= 0.0:
             raise ConfigError(
                 f"{path}: parameters.{given.name}: range starts at {given.low:g}, which must be "
                 "above 0; its logarithm is fitted"
             )
-        found.append(replace(given, log=its is not None and its.log))
-        units.append("-" if its is None else its.unit)
+        found.append(replace(given, log=its.log, unit=its.unit))
     for name, (low, high) in rig.unsure.items():
         its = rig.parameter(name)
         if its is not None and name not in {p.name for p in found}:
-            found.append(Parameter(name, low, high, log=its.log, asked=False))
-            units.append(its.unit)
-    return tuple(found), tuple(units)
+            found.append(Parameter(name, low, high, log=its.log, unit=its.unit, asked=False))
+    return tuple(found)
 
 
 def _levels(

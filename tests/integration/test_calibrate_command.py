@@ -125,6 +125,7 @@ def test_changed_recordings_are_another_calibration(case: Path, done: Path) -> N
         ("floor_mm = 4", "flor_mm = 4", "floor_mm"),
         ("portion_kg = 0.12", "portion_kg = 0.001", "portion_kg"),
         ("[parameters.restitution]", "[parameters.vibration]", "vibration.amplitude"),
+        ("[parameters.friction]", '[parameters.friction]\nunit = "deg"', "must be '-'"),
     ],
 )
 def test_wrong_words_are_named(tmp_path: Path, old: str, new: str, said: str) -> None:
@@ -187,6 +188,12 @@ def test_a_function_of_the_user_is_calibrated(
     assert told["failed"] == 0
 
 
+def test_units_of_the_users_parameters_are_shown_with_them() -> None:
+    parts = assemble_case(EXAMPLE.parent / "pendulum" / "case.toml")
+    units = {v.name: v.unit for v in parts.problem.variables}
+    assert units == {"frequency": "rad/s", "viscous": "1/s", "dry": "rad/s2"}
+
+
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
@@ -195,6 +202,7 @@ def test_a_function_of_the_user_is_calibrated(
         ('function = "balls.py:fall"', 'function = "balls.py:fall"\ncommand = ["a"]', "either"),
         ('unit = "m"\nsize', 'unit = "km"\nsize', "unit"),
         ("[rig.channels.height]", "[rig.channels.heigth]", "heigth"),
+        ("[parameters.drag]", '[parameters.drag]\nunit = "a\\nb"', "control character"),
     ],
 )
 def test_wrong_words_of_a_program_are_named(tmp_path: Path, old: str, new: str, said: str) -> None:
