@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import fields
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 from fidelity.engine import ContactLaw, Material, Physics
 from mfopt.limits import (
@@ -53,6 +53,15 @@ RICE = MaterialSettings(
 STEEL = MaterialSettings(
     young_modulus_pa=2e11, poisson_ratio=0.33, density_kg_m3=7800, friction_angle_deg=25
 )  # paper, table 1
+
+
+def completed_from(usual: MaterialSettings) -> BeforeValidator:
+    """Lets a table of a material leave out values, which are then those of the usual material."""
+
+    def complete(given: object) -> object:
+        return {**usual.model_dump(), **given} if isinstance(given, Mapping) else given
+
+    return BeforeValidator(complete)
 
 
 class DemSettings(Settings):

@@ -3,14 +3,20 @@
 import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 from pydantic import Field, model_validator
 
 from fidelity.effects.switch import with_effects
 from fidelity.grains.filling import Portion
 from fidelity.grains.grain import portion_grain
-from fidelity.grains.settings import MILLI, STEEL, DemSettings, MaterialSettings
+from fidelity.grains.settings import (
+    MILLI,
+    STEEL,
+    DemSettings,
+    MaterialSettings,
+    completed_from,
+)
 from fidelity.grains.sizes import Sizes
 from fidelity.scene import Possible, drawn
 from geometry.mesh import Mesh
@@ -37,8 +43,8 @@ class Vessel(Settings):
     grain_length_mm: Millimetres = 5
     grain_width_mm: Millimetres = 5
     size_scatter: SizeScatter = 0.0  # half width of an even distribution, over the mean size
-    grain: MaterialSettings = BEADS
-    wall: MaterialSettings = STEEL
+    grain: Annotated[MaterialSettings, completed_from(BEADS)] = BEADS
+    wall: Annotated[MaterialSettings, completed_from(STEEL)] = STEEL
     wall_friction_angle_deg: FrictionAngle | None = None  # None: the smaller of the two materials'
     free: dict[str, Bounds] = Field(min_length=1)
 

@@ -108,13 +108,12 @@ def _kind(study: Study, where: str) -> type[Scene]:
 
 
 def _scene_table(study: Study, kind: type[Scene], where: str) -> dict[str, Any]:
-    """The scene's table with a table `grain`; what `grain` leaves out is asked for later."""
+    """The scene's table with a table `grain`, in which values may be left out."""
     own = study.problem.others.get(kind.name, {})
-    usual: Any = kind().settings
     tables = [own, *(own.get(key, {}) for key in ("grain", "wall") if isinstance(own, Mapping))]
     if not all(isinstance(table, Mapping) for table in tables):
         raise ConfigError(f"{where}: problem.{kind.name}, its grain and wall must be tables")
-    return {**own, "grain": dict(own.get("grain", usual.grain.model_dump()))}
+    return {**own, "grain": dict(own.get("grain", {}))}
 
 
 def _on_walls(own: dict[str, Any], kind: type[Scene]) -> dict[str, Any]:

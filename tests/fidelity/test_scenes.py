@@ -94,6 +94,17 @@ def test_an_unknown_key_is_refused_by_name(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("table", ["grain", "wall"])
+def test_a_material_may_leave_out_what_is_usual(name: str, table: str) -> None:
+    usual = getattr(scene_named(name).settings, table)
+    own = {table: {"density_kg_m3": 1234.0}}
+    changed = getattr(read_scene(SCENES[name], own, {}, "study").settings, table)
+    assert changed == usual.model_copy(update={"density_kg_m3": 1234.0})
+    with pytest.raises(ConfigError, match="did you mean 'density_kg_m3'"):
+        read_scene(SCENES[name], {table: {"density": 1234.0}}, {}, "study")
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_its_commented_study_is_valid(name: str) -> None:
     study, _ = read_study(template(name))
     assert study.problem.scene == name

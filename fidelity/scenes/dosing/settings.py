@@ -7,10 +7,11 @@ The records keep the user's units; what leaves this module as a `Material` is SI
 
 import math
 from collections.abc import Mapping
+from typing import Annotated
 
 from pydantic import Field, field_validator, model_validator
 
-from fidelity.grains.settings import RICE, STEEL, MaterialSettings
+from fidelity.grains.settings import RICE, STEEL, MaterialSettings, completed_from
 from mfopt.limits import (
     Bounds,
     DesignValue,
@@ -87,8 +88,8 @@ class DosingSettings(Settings):
     portion_kg: Kilograms = 1.0
     grain_length_mm: Millimetres = 7
     grain_width_mm: Millimetres = 2
-    grain: MaterialSettings = RICE
-    wall: MaterialSettings = STEEL
+    grain: Annotated[MaterialSettings, completed_from(RICE)] = RICE
+    wall: Annotated[MaterialSettings, completed_from(STEEL)] = STEEL
     free: dict[str, Bounds] = Field(default_factory=lambda: dict(DEFAULT_FREE), min_length=1)
     values: dict[str, DesignValue] = Field(default_factory=dict)
 
