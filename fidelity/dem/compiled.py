@@ -35,6 +35,7 @@ OPTIONS: dict[str, Any] = {
     "error_model": "numpy",
     "_nrt": False,
 }
+EXACT = {key: value for key, value in OPTIONS.items() if key != "fastmath"}
 
 KEPT_S = 30 * 86400.0  # [s] compiled code of other sources is kept so long after its last use
 
@@ -73,6 +74,13 @@ def keep_in_use(directory: Path) -> None:
 def compiled(function: Callable[..., Any]) -> Any:
     """Compile `function` when it is first called, and keep the result for other processes."""
     dispatcher = numba.njit(**OPTIONS)(function)
+    dispatcher._cache = KeptCode(function)
+    return dispatcher
+
+
+def compiled_exactly(function: Callable[..., Any]) -> Any:
+    """As `compiled`, without reordering or fusing: the numbers are those of Python to the bit."""
+    dispatcher = numba.njit(**EXACT)(function)
     dispatcher._cache = KeptCode(function)
     return dispatcher
 

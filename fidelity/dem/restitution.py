@@ -12,8 +12,10 @@ as here); Tsuji, Tanaka & Ishida 1992, doi:10.1016/0032-5910(92)88030-L (Hertz).
 """
 
 import math
+from collections.abc import Callable
 from functools import cache
 
+from fidelity.dem.compiled import compiled_exactly
 from fidelity.engine import ContactLaw
 from mfopt.errors import ConfigError
 
@@ -36,7 +38,7 @@ def damping_ratio(law: ContactLaw, restitution: float) -> float:
         return 0.0
     from scipy.optimize import brentq
 
-    of = linear_restitution if law == "linear" else hertz_restitution
+    of: Callable[[float], float] = linear_restitution if law == "linear" else hertz_restitution
     return float(brentq(lambda zeta: of(zeta) - restitution, 0.0, 20.0, xtol=1e-12))
 
 
@@ -55,6 +57,7 @@ def linear_restitution(zeta: float) -> float:
     return math.exp(-zeta / rate * math.log((zeta + rate) / (zeta - rate)))
 
 
+@compiled_exactly
 def hertz_restitution(zeta: float) -> float:
     """Restitution of a Hertz contact with the damping of Tsuji et al., not pulling.
 

@@ -51,6 +51,12 @@ def test_the_damping_ratio_returns_what_was_asked_for(law: ContactLaw, restituti
         )
 
 
+@pytest.mark.parametrize("zeta", [0.0, 3e-4, 0.0488, 0.2330348, 1.0, 20.0])
+def test_compiled_code_returns_the_same_bits(zeta: float) -> None:
+    # A run repeats bit for bit only if the damping ratio does.
+    assert hertz_restitution(zeta) == hertz_restitution.py_func(zeta)
+
+
 @pytest.mark.parametrize("of", [linear_restitution, hertz_restitution])
 def test_restitution_falls_from_one_as_damping_grows(of: object) -> None:
     assert callable(of)
