@@ -1,7 +1,8 @@
 """A scene of mfopt as the simulator of an experiment: parameters and conditions in, series out.
 
 The grains have their real size: their number follows from the portion. A condition is a setting of
-the scene; the condition `scene` chooses another scene with the same grains.
+the scene, `TABLE.KEY` one in a table of the scene; the condition `scene` chooses another scene with
+the same grains.
 """
 
 import math
@@ -16,8 +17,7 @@ from fidelity.engine import Engine
 from fidelity.grains.grain import grain_volume
 from fidelity.grains.settings import MILLI, DemSettings
 from fidelity.level import SceneLevel
-from fidelity.scene import Scene, read_scene
-from fidelity.scenes.beads import Vessel
+from fidelity.scene import PortionSettings, Scene, read_scene
 from mfopt.arrays import AnyArray, Array, frozen
 from mfopt.errors import ConfigError
 from mfopt.records.objective import Criteria
@@ -27,10 +27,11 @@ from mfopt.records.view import DesignView
 from mfopt.settings import checked, nearest
 
 FEWEST_GRAINS, MOST_GRAINS = 20, 100_000
-BESIDE = 0.1  # bounds of the one free measure, over its value
+BESIDE = 0.1  # bounds of the one free value, over itself
 SCENE = "scene"  # the condition that chooses a scene
 HEAP = "heap"  # the scene that tells rolling from sliding friction
-OTHER_PORTIONS, OTHER_OUTLETS = (0.5,), (0.8, 1.4)  # of those that the case states
+# Settings of the grains themselves, which another scene takes over where they are not 0.
+OF_GRAINS = ("grain_length_mm", "grain_width_mm", "size_scatter", "grain")
 # A hard contact law with a restitution, as measured for grains; no numerical damping.
 NUMERICS: Mapping[str, Any] = {
     "contact_law": "hertz", "restitution": 0.7, "damping": 0.0, "young_modulus_pa": 2e6,
@@ -104,19 +105,12 @@ class SceneRig:
 
     @property
     def possible(self) -> Mapping[str, Mapping[str, float | str]]:
-        """Other fills and outlets of the vessel, and a heap of the same grains."""
-        vessel = self._scene(self.scene, {}).settings
-        assert isinstance(vessel, Vessel)
-        found: dict[str, dict[str, float | str]] = {
-            f"portion_kg = {share * vessel.portion_kg:.3g}": {
-                "portion_kg": share * vessel.portion_kg
-            }
-            for share in OTHER_PORTIONS
-        }
-        if "opening" in vessel.values():
-            for share in OTHER_OUTLETS:
-                opening = share * vessel.values()["opening"]
-                found[f"opening_mm = {opening:.3g}"] = {"opening_mm": opening}
+        """Other portions, what else the scene can vary, and a heap of the same grains."""
+        its = self._settings(self.scene, {})
+        found: dict[str, dict[str, float | str]] = {}
+        for key, shares in its.varied.items():
+            for value in (share * getattr(its, key) for share in shares):
+                found[f"{key} = {value:.3g}"] = {key: value}
         if self.scene != HEAP:
             found["a heap"] = {SCENE: HEAP}
         return found
@@ -128,13 +122,14 @@ class SceneRig:
         for name in dict.fromkeys([self.scene, *self.settings]):
             scene = self._scene(name, {})
             criteria, size = scene.criteria(), _largest(scene)
+            mass = settings_of(scene).portion_kg
             duration = scene.cycle(scene.problem().baseline).duration_s
             units = {q.name: q.unit for q in criteria.quantities}
             units |= {series.name: series.unit for series in criteria.series}
             for quantity, unit in units.items():
                 typical = {
-                    "m": size, "s": duration, "kg/s": _mass(scene) / duration,
-                    "kg": _mass(scene), "rad": 1.0, "-": 1.0,
+                    "m": size, "s": duration, "kg/s": mass / duration,
+                    "kg": mass, "rad": 1.0, "-": 1.0,
                 }[unit]  # fmt: skip
                 channel = channel_name(quantity)
                 found[channel] = Channel(channel, unit, typical)
@@ -164,21 +159,29 @@ class SceneRig:
             self.parameter(parameter)
         kind = str(conditions.get(SCENE, self.scene))
         own = {key: value for key, value in conditions.items() if key != SCENE}
-        settings = self._scene(kind, own).settings.model_dump()
+        settings = settings_of(self._scene(kind, own)).model_dump()
         level = RigLevel(name, self, kind, settings, parameters)
         level.work(frozen([self.parameter(p).low for p in parameters]))
         return level
 
     def _scene(self, kind: str, conditions: Mapping[str, Any]) -> Scene:
+        """The scene, whose one design is the machine as it is given: no bounds of a search."""
+        its = self._settings(kind, conditions)
+        name, value = next(iter(its.all_values().items()))
+        free = {name: ((1.0 - BESIDE) * value, (1.0 + BESIDE) * value)}
+        own = {**its.model_dump(), "free": free}
+        return read_scene(self.scenes[kind], own, {}, f"scene {kind}")
+
+    def _settings(self, kind: str, conditions: Mapping[str, Any]) -> PortionSettings:
+        """The settings of a scene under these conditions."""
         if kind not in self.scenes:
             raise ConfigError(f"there is no scene {kind!r}{nearest(kind, self.scenes)}")
-        own = {**self.grains, **self.settings.get(kind, {}), **conditions}
-        vessel = read_scene(self.scenes[kind], own, {}, f"scene {kind}").settings
-        assert isinstance(vessel, Vessel)
-        # Bounds are those of a search; here the one design is the vessel as it is given.
-        name, value = next(iter(vessel.values().items()))
-        free = {name: ((1.0 - BESIDE) * value, (1.0 + BESIDE) * value)}
-        return read_scene(self.scenes[kind], {**own, "free": free}, {}, f"scene {kind}")
+        same: dict[str, Any] = {}
+        if kind != self.scene:
+            main = self._settings(self.scene, {}).model_dump()
+            same = {key: main[key] for key in OF_GRAINS if main.get(key)}
+        own = with_conditions({**same, **self.grains, **self.settings.get(kind, {})}, conditions)
+        return settings_of(read_scene(self.scenes[kind], own, {}, f"scene {kind}"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,13 +225,38 @@ class RigLevel:
         for name, value in zip(self.parameters, map(float, x), strict=True):
             set_parameter(name, value, own, dem)
         scene = read_scene(self.rig.scenes[self.kind], own, {}, f"scene {self.kind}")
-        assert isinstance(scene.settings, Vessel)
-        vessel = scene.settings
         dem.setdefault("spheres_per_grain", 5)
-        dem["grains"] = _count(vessel, int(dem["spheres_per_grain"]), self.rig.coarse)
+        dem["grains"] = _count(settings_of(scene), int(dem["spheres_per_grain"]), self.rig.coarse)
         settings = checked(DemSettings, dem, where="rig.level")
         level = SceneLevel(self.name, scene, settings, self.rig.engine)
         return level, scene.problem().baseline
+
+
+def settings_of(scene: Scene) -> PortionSettings:
+    """The settings of a scene that can be a rig.
+
+    Raises:
+        ConfigError: if the scene does not say what a portion is.
+    """
+    if not isinstance(scene.settings, PortionSettings):
+        raise ConfigError(
+            f"the scene {scene.name!r} cannot be calibrated: its settings have no portion; "
+            "derive them from `PortionSettings`"
+        )
+    return scene.settings
+
+
+def with_conditions(own: Mapping[str, Any], conditions: Mapping[str, Any]) -> dict[str, Any]:
+    """The table of a scene with these conditions; `TABLE.KEY` is set in a table of that one."""
+    made = dict(own)
+    for name, value in conditions.items():
+        table, _, key = name.rpartition(".")
+        if table:
+            there = made.get(table)
+            made[table] = {**(there if isinstance(there, Mapping) else {}), key: value}
+        else:
+            made[name] = value
+    return made
 
 
 def channel_name(quantity: str) -> str:
@@ -281,27 +309,22 @@ def effect_parameter(name: str) -> tuple[str, str]:
     return effect, its
 
 
-def _count(vessel: Vessel, spheres: int, coarse: float) -> int:
+def _count(its: PortionSettings, spheres: int, coarse: float) -> int:
     """How many grains of the real size, or `coarse` times it, the portion has.
 
     Raises:
         ConfigError: if they are too few or too many.
     """
-    length, width = MILLI * vessel.grain_length_mm, MILLI * vessel.grain_width_mm
-    mass = vessel.grain.density_kg_m3 * coarse**3 * grain_volume(length, width, spheres)
-    count = round(vessel.portion_kg / mass)
+    length, width = MILLI * its.grain_length_mm, MILLI * its.grain_width_mm
+    mass = its.grain.density_kg_m3 * coarse**3 * grain_volume(length, width, spheres)
+    count = round(its.portion_kg / mass)
     if not FEWEST_GRAINS <= count <= MOST_GRAINS:
         raise ConfigError(
-            f"portion_kg = {vessel.portion_kg:g} is {count} grains, which must be "
+            f"portion_kg = {its.portion_kg:g} is {count} grains, which must be "
             f"{FEWEST_GRAINS} to {MOST_GRAINS}; "
             "change the portion, the grains' size, or `coarse` (simulated over real diameter)"
         )
     return count
-
-
-def _mass(scene: Scene) -> float:
-    assert isinstance(scene.settings, Vessel)
-    return scene.settings.portion_kg
 
 
 def _largest(scene: Scene) -> float:

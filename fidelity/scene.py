@@ -1,24 +1,61 @@
 """What a scene is: one kind of machine or test of grains, as one object."""
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, ClassVar, Protocol, cast
 
 import numpy as np
+from pydantic import Field, model_validator
 
 from fidelity.engine import Grain, Movement, Packing, Setup
 from fidelity.grains.filling import Portion
 from fidelity.grains.packing import Filling
-from fidelity.grains.settings import DemSettings
+from fidelity.grains.settings import DemSettings, MaterialSettings
 from geometry.mesh import Mesh
 from mfopt.arrays import AnyArray, Array
 from mfopt.errors import InvalidDesign
+from mfopt.limits import Bounds, FrictionAngle, Kilograms, Millimetres
 from mfopt.records.level import Level
 from mfopt.records.objective import Criteria
 from mfopt.records.problem import Problem
 from mfopt.records.view import DesignView
 from mfopt.settings import Settings, checked
+
+
+class PortionSettings(Settings):
+    """What the settings of all scenes of mfopt share: a portion, its walls, and a design."""
+
+    # What an experiment changes easily, as shares of what the settings say.
+    varied: ClassVar[Mapping[str, tuple[float, ...]]] = {"portion_kg": (0.5,)}
+
+    portion_kg: Kilograms
+    grain_length_mm: Millimetres
+    grain_width_mm: Millimetres
+    grain: MaterialSettings
+    wall: MaterialSettings
+    wall_friction_angle_deg: FrictionAngle | None = None  # None: the smaller of the two materials'
+    free: dict[str, Bounds] = Field(min_length=1)  # bounds of a search, by name of a design value
+
+    @model_validator(mode="after")
+    def _long(self) -> "PortionSettings":
+        if self.grain_length_mm < self.grain_width_mm:
+            raise ValueError(
+                f"grain_length_mm = {self.grain_length_mm:g} must be at least "
+                f"grain_width_mm = {self.grain_width_mm:g}; exchange them"
+            )
+        return self
+
+    def all_values(self) -> dict[str, float]:
+        """Every value that can be free as the settings give it, in the unit of the problem."""
+        raise NotImplementedError
+
+    @property
+    def wall_friction_angle(self) -> float | None:
+        """Of grains on walls [rad]; None: the smaller one of the two materials' angles."""
+        angle = self.wall_friction_angle_deg
+        return None if angle is None else math.radians(angle)
 
 
 @dataclass(frozen=True, slots=True)

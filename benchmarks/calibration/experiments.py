@@ -23,7 +23,7 @@ from benchmarks.engine.scenes import engine_named
 from fidelity.rig import SceneRig
 from mfopt.arrays import Array, frozen
 from mfopt.records.outcome import Outcome
-from mfopt.study.case import RIG_SCENES
+from mfopt.study.assemble import SCENES
 
 STORE = Path(__file__).parent / "results" / "experiments.jsonl"
 TRUTHS: Mapping[str, tuple[float, float]] = {
@@ -96,7 +96,7 @@ class Experiment:
 def rig(**numerics: float) -> SceneRig:
     """The hopper and its beads, simulated by YADE."""
     return SceneRig(
-        RIG_SCENES,
+        SCENES,
         "discharge",
         {"discharge": HOPPER},
         GRAINS,

@@ -2,9 +2,9 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field, field_validator, model_validator
+from pydantic import BeforeValidator, ConfigDict, Field, field_validator, model_validator
 
 from calibration.recordings.case import Parameter
 from calibration.recordings.header import Layout
@@ -18,6 +18,20 @@ MOST_REPEATS = 1000
 MOST_POSSIBLE = 20
 
 Error = Field(default=0.0, ge=0.0)
+
+
+def _flat(given: Any) -> Any:
+    """Conditions in which `cup = { volume_ml = 900 }` is called `cup.volume_ml`."""
+    if not isinstance(given, Mapping):
+        return given
+    flat: dict[str, Any] = {}
+    for name, value in given.items():
+        within = isinstance(value, Mapping)
+        flat |= {f"{name}.{key}": its for key, its in value.items()} if within else {name: value}
+    return flat
+
+
+ConditionValues = Annotated[dict[str, float | str], BeforeValidator(_flat)]
 
 
 class CaseHead(Settings):
@@ -141,7 +155,7 @@ class RecordingSettings(Settings):
     """One experiment: its conditions, and files or numbers of each repeat."""
 
     name: Name
-    conditions: dict[str, float | str] = Field(default_factory=dict)
+    conditions: ConditionValues = Field(default_factory=dict)
     files: list[str] = Field(default_factory=list, max_length=MOST_REPEATS)
     rows: list[dict[str, float | str]] | None = None
     scalars: dict[str, ScalarSettings] = Field(default_factory=dict)
@@ -181,7 +195,7 @@ class PossibleSettings(Settings):
     """An experiment that could be recorded next."""
 
     name: Name
-    conditions: dict[str, float | str] = Field(min_length=1)
+    conditions: ConditionValues = Field(min_length=1)
 
 
 class CaseSettings(Settings):

@@ -1,11 +1,10 @@
 """What scenes of the laboratory have in common: beads in a vessel of a few free measures."""
 
-import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from fidelity.effects.switch import with_effects
 from fidelity.grains.filling import Portion
@@ -18,14 +17,14 @@ from fidelity.grains.settings import (
     completed_from,
 )
 from fidelity.grains.sizes import Sizes
-from fidelity.scene import Possible, drawn
+from fidelity.scene import PortionSettings, Possible, drawn
 from geometry.mesh import Mesh
 from mfopt.arrays import Array, frozen
 from mfopt.errors import ConfigError, InvalidDesign
-from mfopt.limits import Bounds, FrictionAngle, Kilograms, Millimetres, SizeScatter
+from mfopt.limits import Kilograms, Millimetres, SizeScatter
 from mfopt.records.problem import Problem, Variable
 from mfopt.records.view import DesignView
-from mfopt.settings import Settings, nearest
+from mfopt.settings import nearest
 
 # Glass beads, softened for longer time steps.
 BEADS = MaterialSettings(
@@ -33,7 +32,7 @@ BEADS = MaterialSettings(
 )
 
 
-class Vessel(Settings):
+class Vessel(PortionSettings):
     """A vessel, the grains in it, and which of its measures are free."""
 
     units: ClassVar[Mapping[str, str]]  # of every measure that can be free
@@ -45,28 +44,17 @@ class Vessel(Settings):
     size_scatter: SizeScatter = 0.0  # half width of an even distribution, over the mean size
     grain: Annotated[MaterialSettings, completed_from(BEADS)] = BEADS
     wall: Annotated[MaterialSettings, completed_from(STEEL)] = STEEL
-    wall_friction_angle_deg: FrictionAngle | None = None  # None: the smaller of the two materials'
-    free: dict[str, Bounds] = Field(min_length=1)
 
     @model_validator(mode="after")
-    def _consistent(self) -> "Vessel":
+    def _known(self) -> "Vessel":
         for name in self.free:
             if name not in self.units:
                 raise ValueError(f"free: unknown measure {name!r}{nearest(name, self.units)}")
-        if self.grain_length_mm < self.grain_width_mm:
-            raise ValueError(
-                f"grain_length_mm = {self.grain_length_mm:g} must be at least "
-                f"grain_width_mm = {self.grain_width_mm:g}; exchange them"
-            )
         return self
-
-    def values(self) -> dict[str, float]:
-        """Value of every measure that can be free, in its unit."""
-        raise NotImplementedError
 
     def values_at(self, x: Array) -> dict[str, float]:
         """Value of every measure at the design `x` (d,)."""
-        return {**self.values(), **dict(zip(self.free, map(float, x), strict=True))}
+        return {**self.all_values(), **dict(zip(self.free, map(float, x), strict=True))}
 
     def portion(self, dem: DemSettings) -> Portion:
         """The grains, as finely as a level resolves them, with its effects on grains."""
@@ -78,7 +66,6 @@ class Vessel(Settings):
             grains=dem.grains,
             spheres=dem.spheres_per_grain,
         )
-        angle = self.wall_friction_angle_deg
         portion = Portion(
             grain,
             dem.grains,
@@ -86,7 +73,7 @@ class Vessel(Settings):
             self.wall.material(),
             dem.physics(self.usual_step),
             Sizes(self.size_scatter),
-            None if angle is None else math.radians(angle),
+            self.wall_friction_angle,
         )
         return with_effects(portion, dem.effects)
 
@@ -141,7 +128,7 @@ def problem_of(
         Variable(name, low, high, settings.units[name])
         for name, (low, high) in settings.free.items()
     )
-    values = settings.values()
+    values = settings.all_values()
     baseline = frozen([values[name] for name in settings.free])
     constraint = Possible(settings, build)
     return Problem(variables, baseline, constraint, objective_unit=objective_unit)

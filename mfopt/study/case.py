@@ -30,7 +30,6 @@ from mfopt.study.assemble import SCENES, DemName, EngineOptions, engine_named, r
 
 # A calibration compares series; its runs have no value of their own.
 COMPARED = Criteria({"none": Objective("none", lambda raw: {"none": 0.0})})
-RIG_SCENES = {name: kind for name, kind in SCENES.items() if name != "dosing"}
 
 
 class SceneRigSettings(Settings):
@@ -155,7 +154,7 @@ def _rig(table: Mapping[str, Any], path: Path, chosen: set[str]) -> Rig:
     """
     if "command" in table or "function" in table:
         return _program(table, path)
-    return _scenes({**{name: {} for name in RIG_SCENES if name in chosen}, **table}, str(path))
+    return _scenes({**{name: {} for name in SCENES if name in chosen}, **table}, str(path))
 
 
 def _program(table: Mapping[str, Any], path: Path) -> ProgramRig:
@@ -169,13 +168,11 @@ def _program(table: Mapping[str, Any], path: Path) -> ProgramRig:
 
 
 def _scenes(table: Mapping[str, Any], where: str) -> SceneRig:
-    tables = {name: table[name] for name in RIG_SCENES if name in table}
-    rest = {key: value for key, value in table.items() if key not in RIG_SCENES}
+    tables = {name: table[name] for name in SCENES if name in table}
+    rest = {key: value for key, value in table.items() if key not in SCENES}
     its = checked(SceneRigSettings, {**rest, "tables": tables}, where=f"{where}: rig")
-    if its.scene not in RIG_SCENES:
-        raise ConfigError(
-            f"{where}: rig.scene = {its.scene!r} must be one of {', '.join(RIG_SCENES)}"
-        )
+    if its.scene not in SCENES:
+        raise ConfigError(f"{where}: rig.scene = {its.scene!r} must be one of {', '.join(SCENES)}")
     for name in its.grains:
         if name not in Vessel.model_fields:
             raise ConfigError(
@@ -187,7 +184,7 @@ def _scenes(table: Mapping[str, Any], where: str) -> SceneRig:
     numerics = {key: value for key, value in its.level.items() if key not in said}
     engine = _engine(its.engine, options, f"{where}: rig")
     return SceneRig(
-        RIG_SCENES, its.scene, its.tables, its.grains, numerics, engine,
+        SCENES, its.scene, its.tables, its.grains, numerics, engine,
         its.coarse, its.stiffness_factor,
     )  # fmt: skip
 

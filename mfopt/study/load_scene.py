@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fidelity.level import SceneLevel
-from fidelity.scene import Scene, read_scene
-from fidelity.scenes.beads import Vessel
+from fidelity.scene import PortionSettings, Scene, read_scene
 from mfopt.arrays import Array, frozen
 from mfopt.checks import number, whole
 from mfopt.errors import ConfigError, SimulationError
@@ -179,18 +178,18 @@ def load_scene(name: str, **settings: Any) -> LoadedScene:
         ConfigError: if there is no such scene, or a setting is wrong.
     """
     scene = read_scene(scene_class(name), settings, {}, "load_scene")
-    if isinstance(scene.settings, Vessel) and "free" not in settings:
+    if isinstance(scene.settings, PortionSettings) and "free" not in settings:
         scene = read_scene(type(scene), settings | _around(scene.settings), {}, "load_scene")
     scene.problem()  # refuses what cannot be built
     return LoadedScene(scene)
 
 
-def _around(vessel: Vessel) -> dict[str, Any]:
+def _around(settings: PortionSettings) -> dict[str, Any]:
     """The usual bounds, widened to the values of the settings."""
-    values = vessel.values()
+    values = settings.all_values()
     return {
         "free": {
             name: (min(low, values[name]), max(high, values[name]))
-            for name, (low, high) in vessel.free.items()
+            for name, (low, high) in settings.free.items()
         }
     }

@@ -17,7 +17,6 @@ from mfopt.study.assemble import DemLevelSettings, level_settings, scene_class, 
 from mfopt.study.file import Study, read_study
 from mfopt.study.material_file import MaterialSettings, read_material
 
-ON_WALLS = "wall_friction_angle_deg"
 REMEDY = (
     "set in the study what the material holds for, or calibrate again with what the study "
     "simulates ([rig.level] and [rig.grains] of the case)"
@@ -80,7 +79,6 @@ def with_material(study: Study, material: MaterialSettings, *, where: str) -> St
     """
     kind = _kind(study, where)
     own = _scene_table(study, kind, where)
-    given = set(own)
     levels = []
     for table in study.level:
         if not _has_grains(table, where):
@@ -90,8 +88,6 @@ def with_material(study: Study, material: MaterialSettings, *, where: str) -> St
         for name, found in material.values.items():
             set_parameter(name, found.value, own, dem)
         levels.append(dem)
-    if ON_WALLS not in given:
-        own = _on_walls(own, kind)
     problem = study.problem.model_copy(update={kind.name: own})
     return study.model_copy(update={"problem": problem, "level": levels})
 
@@ -116,16 +112,6 @@ def _scene_table(study: Study, kind: type[Scene], where: str) -> dict[str, Any]:
     return {**own, "grain": dict(own.get("grain", {}))}
 
 
-def _on_walls(own: dict[str, Any], kind: type[Scene]) -> dict[str, Any]:
-    """The scene's table; where a scene has no friction on walls, the walls' own angle is set."""
-    usual: Any = kind().settings
-    if ON_WALLS not in own or hasattr(usual, ON_WALLS):
-        return own
-    angle = own.pop(ON_WALLS)
-    wall = {**usual.wall.model_dump(), **own.get("wall", {}), "friction_angle_deg": angle}
-    return {**own, "wall": wall}
-
-
 def _has_grains(table: Mapping[str, Any], where: str) -> bool:
     return isinstance(level_settings(table, f"{where}: level"), DemLevelSettings)
 
@@ -143,9 +129,6 @@ def _refuse_both(study: Study, material: MaterialSettings, where: str) -> None:
         dem: dict[str, Any] = {"effects": {}}
         set_parameter(name, its.value, scene, dem)
         if isinstance(own, Mapping):
-            scene = _on_walls(scene, kind)
-            if "wall" in scene:  # completed by the usual material
-                scene["wall"] = {"friction_angle_deg": 0.0}
             found += [f"problem.{kind.name}.{key} ({name})" for key in _shared(scene, own)]
         for table in study.level:
             keys = _shared(dem, table)

@@ -300,17 +300,17 @@ budget = 1
 """
 
 
-def test_a_scene_without_friction_on_walls_has_it_on_the_walls_themselves(
-    tmp_path: Path, parts: AssembledCase
+@pytest.mark.parametrize("coefficient", [0.3, 0.5])  # less than between grains, and more
+def test_a_study_of_dosing_takes_the_friction_on_walls(
+    tmp_path: Path, parts: AssembledCase, coefficient: float
 ) -> None:
-    its = material_with(parts, FRICTION, BOUNCE, found("wall_friction", 0.3))
+    its = material_with(parts, FRICTION, BOUNCE, found("wall_friction", coefficient))
     made, _, _ = read_with_material(written(tmp_path, its, DOSING))
-    wall = made.problem.others["dosing"]["wall"]
-    assert wall["friction_angle_deg"] == pytest.approx(16.699, abs=1e-3)
-    assert wall["density_kg_m3"] == 7800
-    # There the smaller one of both frictions counts.
-    its = material_with(parts, FRICTION, BOUNCE, found("wall_friction", 0.5))
-    assert "wall_friction is 0.364" in refused(written(tmp_path, its, DOSING))
+    angle = made.problem.others["dosing"]["wall_friction_angle_deg"]
+    assert math.tan(math.radians(angle)) == pytest.approx(coefficient)
+    study = DOSING.replace("[[level]]", "wall_friction_angle_deg = 20\n[[level]]", 1)
+    said = refused(written(tmp_path, its, study))
+    assert "problem.dosing.wall_friction_angle_deg (wall_friction)" in said
 
 
 def material_with(parts: AssembledCase, *parameters: Found) -> str:

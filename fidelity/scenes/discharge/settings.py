@@ -20,6 +20,9 @@ class Hopper(Vessel):
         "opening": "mm", "opening_depth": "mm", "floor_angle": "deg", "length": "mm",
         "depth": "mm",
     }  # fmt: skip
+    varied: ClassVar[Mapping[str, tuple[float, ...]]] = {
+        **Vessel.varied, "opening_mm": (0.8, 1.4),
+    }  # fmt: skip
 
     length_mm: Millimetres = 120  # of the box along x
     depth_mm: Millimetres = 30  # along y
@@ -44,7 +47,7 @@ class Hopper(Vessel):
             )
         return self
 
-    def values(self) -> dict[str, float]:
+    def all_values(self) -> dict[str, float]:
         """Value of every measure that can be free [mm, deg]."""
         depth = self.depth_mm if self.opening_depth_mm is None else self.opening_depth_mm
         return {

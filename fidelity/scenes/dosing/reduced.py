@@ -101,9 +101,7 @@ class ReducedDosing:
     def _raw(self, machine: Design) -> dict[str, AnyArray]:
         duration = MILLI * self.settings.duration_ms
         stream, left = discharge(machine, self.flow, self.grain_diameter, duration)
-        # A pair slides at the smaller of its friction angles, as in the discrete elements.
-        angle = min(self.settings.wall.friction_angle_deg, self.settings.grain.friction_angle_deg)
-        friction = math.tan(math.radians(angle))
+        friction = math.tan(_angle_on_walls(self.settings))
         times = passage(machine, self.flow, self.grain_diameter, stream, friction)
         passed_times = quantiles(times, stream.share, self.grains, duration)
         left_in_cup = round(left * self.grains)
@@ -125,6 +123,13 @@ class ReducedDosing:
         """Diameter of the sphere with a grain's volume [m]."""
         volume = self.settings.portion_kg / self.settings.grain.density_kg_m3 / self.grains
         return float((6 * volume / math.pi) ** (1 / 3))
+
+
+def _angle_on_walls(settings: DosingSettings) -> float:
+    """Friction angle of grains on walls [rad], as in the discrete elements."""
+    if settings.wall_friction_angle is not None:
+        return settings.wall_friction_angle
+    return math.radians(min(settings.wall.friction_angle_deg, settings.grain.friction_angle_deg))
 
 
 def discharge(machine: Design, flow: Flow, grain: float, duration: float) -> tuple[_Stream, float]:

@@ -9,7 +9,7 @@ of the cup cuts or flings aside at the hole's edge stay in the housing, on the p
 as left in the cup.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -100,16 +100,18 @@ def dosing_setup(
     cup, error = cup_mesh(filling), filling.chordal_error
     hopper, table = passage(machine.loft, machine.tube_end_z, error), plate(machine, error)
     material, motion = filling.wall_material, WallMotion(frozen(times), frozen(way))
+    walls = (
+        Wall("cup", cup.vertices + start, cup.triangles, material, motion),
+        Wall("plate", table.vertices, table.triangles, material),
+        Wall("hopper", hopper.vertices, hopper.triangles, material),
+        _housing(table, filling.collar, material),
+    )
+    angle = settings.wall_friction_angle
     return Setup(
         grain=filling.grain,
         packing=Packing(frozen(packing.positions + start), packing.orientations),
         grain_material=filling.grain_material,
-        walls=(
-            Wall("cup", cup.vertices + start, cup.triangles, material, motion),
-            Wall("plate", table.vertices, table.triangles, material),
-            Wall("hopper", hopper.vertices, hopper.triangles, material),
-            _housing(table, filling.collar, material),
-        ),
+        walls=tuple(replace(wall, friction_angle=angle) for wall in walls),
         physics=filling.physics,
         duration=MILLI * settings.duration_ms,
         exit_z=machine.tube_end_z,

@@ -68,7 +68,10 @@ class Dosing:
     def portion(self, x: Array, dem: DemSettings) -> Portion:
         """The portion in the cup."""
         its = cup_filling(self.settings, dem, seed=0)
-        return Portion(its.grain, its.grains, its.grain_material, its.wall_material, its.physics)
+        return Portion(
+            its.grain, its.grains, its.grain_material, its.wall_material, its.physics,
+            wall_friction_angle=self.settings.wall_friction_angle,
+        )  # fmt: skip
 
     def cycle(self, x: Array) -> Cycle:
         """A cycle of the machine."""

@@ -7,11 +7,12 @@ The records keep the user's units; what leaves this module as a `Material` is SI
 
 import math
 from collections.abc import Mapping
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field, field_validator, model_validator
 
 from fidelity.grains.settings import RICE, STEEL, MaterialSettings, completed_from
+from fidelity.scene import PortionSettings
 from mfopt.limits import (
     Bounds,
     DesignValue,
@@ -73,8 +74,12 @@ class CupSettings(Settings):
     volume_ml: Millilitres = 1279
 
 
-class DosingSettings(Settings):
+class DosingSettings(PortionSettings):
     """The dosing problem: machine, portion, materials, and which parameters are free."""
+
+    varied: ClassVar[Mapping[str, tuple[float, ...]]] = {
+        **PortionSettings.varied, "cycle_ms": (1.5,),
+    }  # fmt: skip
 
     cup: CupSettings = CupSettings()
     stroke_mm: Millimetres = 400
@@ -103,11 +108,6 @@ class DosingSettings(Settings):
 
     @model_validator(mode="after")
     def _consistent(self) -> "DosingSettings":
-        if self.grain_length_mm < self.grain_width_mm:
-            raise ValueError(
-                f"grain_length_mm = {self.grain_length_mm:g} must be at least "
-                f"grain_width_mm = {self.grain_width_mm:g}; exchange them"
-            )
         if self.duration_ms < self.cycle_ms:
             raise ValueError(
                 f"duration_ms = {self.duration_ms:g} must be at least "

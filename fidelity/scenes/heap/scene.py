@@ -47,7 +47,7 @@ class Cylinder(Vessel):
         default_factory=lambda: {"lift_speed": (20.0, 400.0)}, min_length=1
     )
 
-    def values(self) -> dict[str, float]:
+    def all_values(self) -> dict[str, float]:
         """Value of every measure that can be free [mm, mm/s]."""
         return {"radius": self.radius_mm, "lift_speed": self.lift_speed_mm_s}
 

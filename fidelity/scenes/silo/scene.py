@@ -36,7 +36,7 @@ class Box(Vessel):
     portion_kg: Kilograms = 1.0
     free: dict[str, Bounds] = Field(default_factory=lambda: {"width": (40.0, 100.0)}, min_length=1)
 
-    def values(self) -> dict[str, float]:
+    def all_values(self) -> dict[str, float]:
         """Value of every measure that can be free [mm]."""
         return {"width": self.width_mm}
 
