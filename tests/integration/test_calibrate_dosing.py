@@ -77,7 +77,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     level = rig.level("cup", {"cycle_ms": 650, "values.v": 1.4}, tuple(TRUTH))
     for number in (1, 2):
         (folder / f"cup-{number}.csv").write_text(recorded(level, 1000 + number))
-    given = ["calibrate", str(path), "-d", str(folder / "run"), "--runs", "40", "--workers", "1"]
+    given = ["calibrate", str(path), "-d", str(folder / "run"), "--runs", "28", "--workers", "1"]
     result = CliRunner().invoke(app, given)
     assert result.exit_code == 0, result.output
     return folder
