@@ -180,7 +180,7 @@ class SceneRig:
         if kind != self.scene:
             main = self._settings(self.scene, {}).model_dump()
             same = {key: main[key] for key in OF_GRAINS if main.get(key)}
-        own = with_conditions({**same, **self.grains, **self.settings.get(kind, {})}, conditions)
+        own = with_conditions({**self.grains, **same, **self.settings.get(kind, {})}, conditions)
         return settings_of(read_scene(self.scenes[kind], own, {}, f"scene {kind}"))
 
 

@@ -116,19 +116,25 @@ def test_the_bounds_of_a_search_do_not_limit_a_rig() -> None:
     assert of_settings(made).all_values()["v"] == 5.0
 
 
-def test_another_scene_has_the_same_grains() -> None:
-    wet = {"young_modulus_pa": 1e8, "poisson_ratio": 0.3, "density_kg_m3": 1400.0,
-           "friction_angle_deg": 35.0}  # fmt: skip
-    its = rig(tables={"dosing": {"grain": wet, "grain_width_mm": 3.0}}, coarse=5.0)
-    heap = of_settings(level(its, {"scene": "heap"}, "friction").scene(np.array([0.3])))
+@pytest.mark.parametrize("given", ["of the scene", "of all scenes"])
+def test_another_scene_has_the_same_grains(given: str) -> None:
+    light = {"grain": {"density_kg_m3": 1400.0}, "grain_width_mm": 3.0}
+    more = {"tables": {"dosing": light}} if given == "of the scene" else {"grains": light}
+    its = rig(coarse=5.0, **more)
+    cup, heap = (
+        of_settings(level(its, {"scene": scene}, "restitution").scene(np.array([0.3])))
+        for scene in ("dosing", "heap")
+    )
     assert (heap.grain_length_mm, heap.grain_width_mm) == (7.0, 3.0)
+    assert heap.grain == cup.grain  # rice, where nothing else is said
     assert heap.grain.density_kg_m3 == 1400.0
     assert heap.portion_kg == 0.25
-    its = rig(
-        tables={"dosing": {"grain_width_mm": 3.0}}, grains={"grain_width_mm": 4.0}, coarse=5.0
-    )
+
+
+def test_another_scene_may_have_other_grains() -> None:
+    its = rig(coarse=5.0, tables={"heap": {"grain_width_mm": 4.0}})
     heap = of_settings(level(its, {"scene": "heap"}, "friction").scene(np.array([0.3])))
-    assert heap.grain_width_mm == 4.0
+    assert (heap.grain_length_mm, heap.grain_width_mm) == (7.0, 4.0)
 
 
 def test_every_scene_proposes_experiments_of_its_own() -> None:
