@@ -27,7 +27,8 @@ from calibration.runs import (
     predictions_of_each,
     seeing,
 )
-from calibration.summary import compared, error_in_words
+from calibration.summary import compared
+from calibration.words import error_in_words
 from mfopt.arrays import Array, frozen
 from mfopt.errors import ConfigError, SimulationError
 from mfopt.records.calibration import Compared

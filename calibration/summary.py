@@ -1,6 +1,5 @@
-"""What a calibration found, as numbers for reports and JSON, and in words."""
+"""What a calibration found, as numbers for reports and JSON."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -8,16 +7,30 @@ import numpy as np
 from scipy.stats import chi2
 
 from calibration.campaign import Campaign, Fitted
+from calibration.emulator_check import check_emulators
 from calibration.observed import Observed
 from calibration.posterior import LEVEL, Posterior, prior_transform, to_unit
 from calibration.recordings.case import Case
 from calibration.recordings.records import Noise, Recording
 from calibration.runs import Predicted
+from calibration.words import (
+    DETERMINED,
+    FAR,
+    MISFIT,
+    check_in_words,
+    combinations,
+    further,
+    in_words,
+    trade_offs,
+    warnings,
+)
 from mfopt.arrays import Array
 from mfopt.records.calibration import (
     Advice,
     Compared,
     Direction,
+    Edge,
+    EmulatorCheck,
     Found,
     Measured,
     Recorded,
@@ -26,14 +39,11 @@ from mfopt.records.calibration import (
 from mfopt.records.problem import Problem
 from mfopt.records.rig import Channel
 
-DETERMINED = 0.5  # of the prior's interval: a narrower posterior says something
-WELL_DETERMINED = 0.25  # of the prior's standard deviation, of a combination
-NAMED = 0.2  # of the largest weight: smaller ones are left out of a combination's name
-MISFIT = 0.01  # probability of a larger misfit, below which a fit is doubtful
 FIT_COUNTS = 10  # runs, as which the scatter of the fitted recordings counts
 PRIOR_DRAWS = 4000
 DRAWS = 500  # of the posterior that the summary keeps
-HARDLY = 0.85  # of an interval: a recording that leaves more tells hardly anything
+EDGE = 0.05  # of a range: most draws so near to a bound are at the edge
+EVENLY = 0.05 / 0.9  # of the interval, from its end to a bound, where draws are even up to there
 
 
 def summary(
@@ -49,31 +59,48 @@ def summary(
     posterior, outcomes = fitted.posterior, [e.outcome for e in campaign.evaluations]
     prior = _prior_draws(case)
     probability = float(chi2.sf(fitted.misfit, fitted.freedom))
+    beside = tuple(c for p in campaign.predicted for c in compared(p, _scatter(fitted), channels))
+    near = all(c.error <= FAR for c in beside if not c.held_out)
     made = Summary(
         name=case.name,
         parameters=_found(posterior, problem, prior),
         directions=_directions(posterior, prior),
         combinations=[],
+        trade_offs=[],
         correlation=posterior.correlation.tolist(),
         draws=posterior.draws[:DRAWS].tolist(),
         log_evidence=posterior.log_evidence,
         misfit=fitted.misfit,
         freedom=fitted.freedom,
         probability=probability,
-        fits=probability >= MISFIT,
+        fits=probability >= MISFIT and near,
         recordings=tuple(map(_recorded, case.recordings)),
-        compared=tuple(
-            c for p in campaign.predicted for c in compared(p, _scatter(fitted), channels)
-        ),
+        compared=beside,
         noise=tuple(_measured(noise, channels[name].unit) for name, noise in noises.items()),
         runs=len(outcomes),
         failed=sum(not outcome.finished for outcome in outcomes),
         cpu_s=sum(outcome.cpu_s for outcome in outcomes),
+        emulators=_checked(campaign, case),
         advice=advice,
+        further=[],
+        warnings=[],
+        check=[],
         words=[],
     )
-    made = replace(made, combinations=_combinations(made))
+    made = replace(
+        made,
+        combinations=combinations(made),
+        trade_offs=trade_offs(made),
+        further=further(made),
+        warnings=warnings(made),
+        check=check_in_words(made),
+    )
     return replace(made, words=in_words(made))
+
+
+def _checked(its: Campaign, case: Case) -> tuple[EmulatorCheck, ...]:
+    fresh = [e for e in its.evaluations if e.candidate.purpose == "predict"]
+    return check_emulators(case, its.fitted.observations, its.fitted.emulators, fresh)
 
 
 def _recorded(its: Recording) -> Recorded:
@@ -102,6 +129,7 @@ def _found(posterior: Posterior, problem: Problem, prior: Array) -> tuple[Found,
     tail = (1.0 - LEVEL) / 2.0
     before = np.diff(np.quantile(prior, [tail, 1.0 - tail], axis=0), axis=0)[0]
     found = []
+    z = to_unit(posterior.parameters, posterior.draws)
     after = np.diff(to_unit(posterior.parameters, posterior.interval().T), axis=0)[0]
     for i, (variable, (low, high)) in enumerate(
         zip(problem.variables, posterior.interval(), strict=True)
@@ -120,9 +148,23 @@ def _found(posterior: Posterior, problem: Problem, prior: Array) -> tuple[Found,
                 share < DETERMINED,
                 posterior.parameters[i].asked,
                 posterior.parameters[i].log,
+                edge_of(z[:, i]),
             )
         )
     return tuple(found)
+
+
+def edge_of(z: Array) -> Edge | None:
+    """The end of the range at which draws (n,) in the unit cube pile up, if there is one.
+
+    Most are near it, and the bound cuts them off: they are no rarer there than elsewhere.
+    """
+    low, high = np.quantile(z, [(1.0 - LEVEL) / 2.0, (1.0 + LEVEL) / 2.0])
+    if np.median(z) < EDGE and low <= EVENLY * (high - low):
+        return "lower"
+    if np.median(z) > 1.0 - EDGE and 1.0 - high <= EVENLY * (high - low):
+        return "upper"
+    return None
 
 
 def _directions(posterior: Posterior, prior: Array) -> tuple[Direction, ...]:
@@ -204,88 +246,3 @@ def compared(
             )
         )
     return made
-
-
-def in_words(its: Summary) -> list[str]:
-    """What an engineer wants to know, one sentence a line."""
-    lines = []
-    for p in its.parameters:
-        unit = "" if p.unit == "-" else f" {p.unit}"
-        mean, low, high = (f"{v:.{_digits(p.interval)}g}" for v in (p.mean, *p.interval))
-        said = f"{p.name} = {mean}{unit}, 90 % from {low} to {high}"
-        if not p.asked:
-            said = f"{said} (left free, for it is not known exactly)"
-        elif not p.determined:
-            said = f"{said}: not determined by these recordings"
-        lines.append(said)
-    lines += its.combinations
-    lines += _next(its)
-    if not its.fits:
-        lines.append(
-            f"The simulation does not fit: a misfit of {its.misfit:.0f} on {its.freedom} degrees "
-            f"of freedom has probability {its.probability:.1g}. The values above are those of a "
-            "wrong model."
-        )
-    lines += [error_in_words(c) for c in its.compared]
-    lines.append(f"{its.runs} simulations, {its.failed} failed, {its.cpu_s:.0f} s of CPU")
-    return lines
-
-
-def _digits(interval: tuple[float, float]) -> int:
-    """Significant digits, at least 3, with which the width of an interval shows two."""
-    low, high = interval
-    size = max(abs(low), abs(high))
-    if not high > low:
-        return 3
-    return max(3, 2 + math.floor(math.log10(size)) - math.floor(math.log10(high - low)))
-
-
-def _next(its: Summary) -> list[str]:
-    """Which further recording would narrow what is not determined."""
-    open_ones = [p.name for p in its.parameters if p.asked and not p.determined]
-    if not open_ones:
-        return []
-    if not its.advice:
-        return ["Which further recording would determine them: mfopt calibrate with --advise"]
-    lines = []
-    for name in open_ones:
-        best = min(its.advice, key=lambda a: a.narrower[name])
-        if best.narrower[name] > HARDLY:
-            lines.append(f"None of the {len(its.advice)} further recordings tells {name} better")
-        else:
-            lines.append(
-                f"To determine {name}, record next: {best.name}; its interval would shrink to "
-                f"{100 * best.narrower[name]:.0f} %"
-            )
-    return lines
-
-
-def error_in_words(its: Compared) -> str:
-    """How far simulations are from a recording."""
-    kind = "held out" if its.held_out else "fitted"
-    rms = float(np.sqrt(np.mean(np.subtract(its.recorded, its.simulated) ** 2)))
-    unit = "" if its.unit == "-" else f" {its.unit}"
-    return (
-        f"{its.recording}, {its.channel} ({kind}): error {rms:.2g}{unit} rms, {its.error:.2f} "
-        "times what noise, scatter of runs and stated errors explain"
-    )
-
-
-def _combinations(its: Summary) -> list[str]:
-    """Combinations that are known much better, or hardly at all, than single parameters say."""
-    if all(p.determined for p in its.parameters if p.asked) or len(its.parameters) < 2:
-        return []
-    lines = []
-    for direction in its.directions:
-        largest = max(abs(w) for w in direction.weights.values())
-        its_names = {n: w for n, w in direction.weights.items() if abs(w) >= NAMED * largest}
-        if len(its_names) < 2:
-            continue
-        sign = 1.0 if max(its_names.values(), key=abs) > 0 else -1.0
-        name = " ".join(f"{'+' if sign * w > 0 else '-'} {n}" for n, w in its_names.items())
-        name = name.removeprefix("+ ")
-        if direction.ratio < WELL_DETERMINED:
-            lines.append(f"Determined together: {name}")
-        elif direction.ratio > DETERMINED:
-            lines.append(f"Not determined together: {name} can change without a visible difference")
-    return lines

@@ -42,6 +42,18 @@ class ScoreProcesses:
         explained = np.einsum("kmn,kmn->mk", near @ self.inverse, near)
         return mean, np.maximum(self.signal - explained, self.noise / len(self.z))
 
+    def covariance(self, z: Array) -> Array:
+        """Covariance (k, m, m) of the noise-free scores between points (m, d).
+
+        The diagonal is the variance of `predict`.
+        """
+        near = _kernel(z, self.z, self.signal, self.lengths)  # (k, m, n)
+        explained = near @ self.inverse @ near.transpose(0, 2, 1)
+        covariance = _kernel(z, z, self.signal, self.lengths) - explained
+        place = range(len(z))
+        covariance[:, place, place] = self.predict(z)[1].T
+        return np.asarray(covariance)
+
     def left_out(self, scores: Array) -> Array:
         """Predictions (n, k) of each run from all others.
 
@@ -49,6 +61,18 @@ class ScoreProcesses:
         """
         diagonal = np.einsum("knn->kn", self.inverse)
         return np.asarray(scores - (self.weights / diagonal).T)
+
+    def left_out_errors(self) -> tuple[Array, Array]:
+        """Score of each run less the prediction from all others (n, k), their covariance (k, n, n).
+
+        With D the diagonal of the inverse of K: error D^-1 K^-1 (t - mean), covariance
+        D^-1 K^-1 D^-1, so each variance, noise included, is 1 / D.
+
+        Source: Sundararajan & Keerthi 2001, doi:10.1162/08997660151134343.
+        """
+        diagonal = np.einsum("knn->kn", self.inverse)
+        covariance = self.inverse / diagonal[:, :, None] / diagonal[:, None, :]
+        return np.asarray((self.weights / diagonal).T), np.asarray(covariance)
 
 
 def fit_scores(z: Array, scores: Array) -> ScoreProcesses:

@@ -29,7 +29,8 @@ from benchmarks.calibration.experiments import (
 from benchmarks.calibration.kept_runs import KeptRuns, kept_runs
 from calibration.campaign import Campaign, calibrate
 from calibration.posterior import Posterior
-from calibration.summary import DETERMINED, summary
+from calibration.summary import summary
+from calibration.words import DETERMINED
 from mfopt.arrays import Array
 from mfopt.records.evaluation import Candidate, Evaluation
 from mfopt.study.case import AssembledCase, assemble_case

@@ -12,7 +12,8 @@ from mfopt.records.level import Ladder
 from mfopt.records.objective import OWN, Criteria
 from mfopt.records.problem import Problem
 
-PACKAGES = ("numpy", "scipy", "cma", "h5py", "torch", "gpytorch")
+SEARCHED_WITH = ("numpy", "scipy", "cma", "h5py", "torch", "gpytorch")
+CALIBRATED_WITH = ("numpy", "scipy", "h5py", "scikit-learn", "dynesty")
 
 
 def header(
@@ -27,6 +28,7 @@ def header(
     workers: int,
     starts: Starts | None = None,
     levels: Sequence[Mapping[str, Any]] = (),
+    packages: Sequence[str] = SEARCHED_WITH,
     versions: Mapping[str, str] | None = None,
     settings: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
@@ -36,6 +38,7 @@ def header(
         method: of the search: "assisted" or "cma-es".
         starts: designs that the search may start from.
         levels: per level, what a report should say of it: `engine`, `grains`, ...
+        packages: whose versions decide what is found.
         versions: of the simulators behind the levels.
         settings: all that was chosen besides; `search`, `confirm` and others by name.
     """
@@ -48,7 +51,7 @@ def header(
         "method": method,
         "versions": {
             "python": platform.python_version(),
-            **{package: metadata.version(package) for package in PACKAGES},
+            **{package: metadata.version(package) for package in packages},
             **(versions or {}),
         },
         "platform": f"{platform.system()} {platform.machine()}, {sys.implementation.name}",

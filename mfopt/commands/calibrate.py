@@ -16,7 +16,7 @@ from mfopt.campaign.begin import begin, check_disk
 from mfopt.campaign.driver import Driver
 from mfopt.campaign.driver import Progress as Made
 from mfopt.campaign.executor import Runner
-from mfopt.campaign.header import header
+from mfopt.campaign.header import CALIBRATED_WITH, header
 from mfopt.campaign.local_workers import local_processes
 from mfopt.campaign.memory import Memory
 from mfopt.campaign.store import writing
@@ -115,7 +115,7 @@ def calibrate(
         write_aside(path / RESULT[method], result.encode())
         if found is not None:
             _write_material(parts, found, path, on)
-            _draw_best_fit(parts, found, path)
+            _draw_best_fits(parts, found, path)
             write_calibration_pages(into, on)
     if as_json:
         typer.echo(result)
@@ -173,18 +173,22 @@ def _write_material(
         on.print(f"wrote {path / 'material.toml'}")
 
 
-def _draw_best_fit(parts: "AssembledCase", found: records.Summary, path: Path) -> None:
-    """Draw a run with the best parameters, if the simulator is a scene of mfopt."""
+def _draw_best_fits(parts: "AssembledCase", found: records.Summary, path: Path) -> None:
+    """Draw the first fitted recording of each scene of mfopt at the best parameters."""
     from fidelity.rig import RigLevel
-    from reports.calibration.figures import BEST_FIT
+    from reports.calibration.figures import best_fit_file
     from reports.pictures import snapshots
 
-    level = parts.ladder[parts.case.fitted[0].name]
-    if isinstance(level, RigLevel):
-        best = frozen([p.best for p in found.parameters])
+    best = frozen([p.best for p in found.parameters])
+    there: set[str] = set()
+    for place, recording in enumerate(parts.case.recordings):
+        level = parts.ladder[recording.name]
+        if recording.held_out or not isinstance(level, RigLevel) or level.kind in there:
+            continue
+        there.add(level.kind)
         drawn = snapshots(*level.pictured(best, seed=parts.case.seed, moments=MOMENTS))
         if drawn is not None:
-            write_aside(path / BEST_FIT, drawn.encode())
+            write_aside(path / best_fit_file(place), drawn.encode())
 
 
 def _header(
@@ -193,5 +197,5 @@ def _header(
     return header(
         parts.problem, parts.ladder, name=parts.case.name, seed=parts.case.seed,
         method=CALIBRATE, objective="none", criteria=criteria, workers=workers,
-        settings={**meant, **parts.meaning},
+        packages=CALIBRATED_WITH, settings={**meant, **parts.meaning},
     )  # fmt: skip

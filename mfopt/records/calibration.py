@@ -4,12 +4,15 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Literal
 
 from pydantic import TypeAdapter, ValidationError
 
 from mfopt.errors import ConfigError
 
 FILE = "calibration.json"  # in the run directory
+
+Edge = Literal["lower", "upper"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +30,7 @@ class Found:
     determined: bool
     asked: bool  # False: left free because nobody knows it exactly
     log: bool  # True: its logarithm is spread evenly
+    edge: Edge | None  # end of the range at which the draws pile up
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +82,24 @@ class Measured:
 
 
 @dataclass(frozen=True, slots=True)
+class EmulatorCheck:
+    """The emulator of a fitted recording beside runs that it did not see."""
+
+    recording: str
+    fresh: bool  # True: runs of the posterior, made after the fit. False: its own, left out in turn
+    runs: int
+    held: float  # share of the 90 % intervals of its scores that hold the run
+    squared: float  # mean square of run less prediction over its standard deviation; 1: as it says
+    by_chance: float  # the largest `squared` that chance explains
+    error: float  # rms of run less prediction over the scatter of one run; 1: nothing but scatter
+
+    @property
+    def too_sure(self) -> bool:
+        """Whether runs lie farther from the emulator than it says."""
+        return self.squared > self.by_chance
+
+
+@dataclass(frozen=True, slots=True)
 class Advice:
     """What the recording of one possible experiment would tell."""
 
@@ -94,20 +116,25 @@ class Summary:
     parameters: tuple[Found, ...]
     directions: tuple[Direction, ...]  # the best determined first
     combinations: list[str]  # known much better, or much worse, than single parameters; in words
+    trade_offs: list[str]  # parameters that stand in for each other; in words
     correlation: list[list[float]]
     draws: list[list[float]]  # of the posterior, equally likely; a row a draw
     log_evidence: float
     misfit: float
     freedom: int
     probability: float  # of a larger misfit if the model is right
-    fits: bool  # False: that probability is too small
+    fits: bool  # False: that probability is too small, or a fitted recording is too far off
     recordings: tuple[Recorded, ...]
     compared: tuple[Compared, ...]
     noise: tuple[Measured, ...]
     runs: int
     failed: int
     cpu_s: float
+    emulators: tuple[EmulatorCheck, ...]  # two of each fitted recording
     advice: tuple[Advice, ...]  # on further recordings; empty if it was not asked for
+    further: list[str]  # which further recording would determine what is open; in words
+    warnings: list[str]  # why the values may be wrong; in words
+    check: list[str]  # that the emulators know their errors; empty if one does not
     words: list[str]  # the result, one sentence a line
 
 

@@ -10,7 +10,10 @@ from reports.calibration.sentences import listed
 from reports.calibration.units import words
 from reports.figures import Figure
 
-BEST_FIT = "best-fit.svg"  # in the run directory: pictures of a run at the best parameters
+
+def best_fit_file(place: int) -> str:
+    """File in the run directory: pictures at the best parameters, for the recording so placed."""
+    return f"best-fit-{place}.svg"
 
 
 def figures(its: Summary, directory: Path) -> dict[str, list[Figure]]:
@@ -20,7 +23,7 @@ def figures(its: Summary, directory: Path) -> dict[str, list[Figure]]:
         "fitted": [*recordings(its, held_out=False), *numbers(its, held_out=False)],
         "held_out": [*recordings(its, held_out=True), *numbers(its, held_out=True)],
         "residuals": residuals(its),
-        "best_fit": best_fit(its, directory),
+        "best_fit": best_fits(its, directory),
     }
 
 
@@ -110,22 +113,24 @@ def residuals(its: Summary) -> list[Figure]:
     ]
 
 
-def best_fit(its: Summary, directory: Path) -> list[Figure]:
-    """The grains in a run at the best parameters, where the simulator is a scene of mfopt."""
-    try:
-        svg = (directory / BEST_FIT).read_text(encoding="utf-8")
-    except OSError:
-        return []
-    name = next(r.name for r in its.recordings if not r.held_out)
-    return [
-        Figure(
-            svg,
-            "Pictures of the grains in the opened machine at rising times, coloured by their "
-            "speed.",
-            "Grains of one run with the best parameters under the conditions of the recording "
-            f"{name}, coloured by speed, seen from the front; black lines are the walls cut at "
-            "y = 0.",
-            "The best fit at work",
-            "natural",
+def best_fits(its: Summary, directory: Path) -> list[Figure]:
+    """The grains in runs at the best parameters, where the simulator is a scene of mfopt."""
+    made = []
+    for place, recording in enumerate(its.recordings):
+        try:
+            svg = (directory / best_fit_file(place)).read_text(encoding="utf-8")
+        except OSError:
+            continue
+        made.append(
+            Figure(
+                svg,
+                "Pictures of the grains in the opened machine at rising times, coloured by their "
+                "speed.",
+                "Grains of one run with the best parameters under the conditions of the recording "
+                f"{recording.name}, coloured by speed, seen from the front; black lines are the "
+                "walls cut at y = 0.",
+                f"The best fit at work: {recording.name}",
+                "natural",
+            )
         )
-    ]
+    return made

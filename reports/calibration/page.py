@@ -20,13 +20,18 @@ def context(given: RunDirectory, found: Summary) -> dict[str, Any]:
     return {
         "name": its.name,
         "sentence": sentences.sentence(its),
-        "fits": its.fits,
+        "warnings": [sentences.typeset(line) for line in its.warnings],
         "fit": sentences.fit(its),
         "misfit": sentences.misfit(its),
         "cards": cards(its),
         "parameters": tables.parameters(its),
         "undetermined": sentences.undetermined(its),
         "combinations": bool(its.combinations),
+        "further": [sentences.typeset(line) for line in its.further],
+        "advice_head": tables.advice_head(its),
+        "advice": tables.advice(its),
+        "check": [sentences.typeset(line) for line in its.check],
+        "emulators": tables.emulators(its.emulators),
         "errors": tables.errors(its.compared),
         "recordings": tables.recordings(its.recordings),
         "notes": [note for recording in its.recordings for note in recording.notes],
@@ -44,7 +49,8 @@ def cards(its: Summary) -> list[tuple[str, str, str]]:
     made = []
     for p in [p for p in its.parameters if p.asked][:CARDS]:
         value = sentences.value(p) if p.determined else "not determined"
-        made.append((p.name, value, f"{sentences.interval(p)} (90\u202f%)"))
+        said = f"{sentences.interval(p)} (90\u202f%)"
+        made.append((p.name, value, said if its.fits else f"{said}, of a wrong model"))
     if errors := [c.error for c in its.compared if c.held_out]:
         made.append(
             (

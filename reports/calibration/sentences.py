@@ -16,12 +16,19 @@ def sentence(its: Summary) -> str:
         f"{p.name} = {value(p)} (90\u202f% interval {interval(p)})" for p in asked if p.determined
     ]
     lost = [p.name for p in asked if not p.determined]
-    said = []
-    if known:
+    said = [] if its.fits else [fit(its)]
+    if known and its.fits:
         said.append(f"The recordings determine {listed(known)}.")
+    elif known:
+        said.append(f"They are {listed(known)}.")
     if lost:
-        said.append(f"{'They' if known else 'The recordings'} do not determine {listed(lost)}.")
-    return " ".join([*said, fit(its), *held_out(its.compared)])
+        nobody = "They" if known and its.fits else "The recordings"
+        said.append(f"{nobody} do not determine {listed(lost)}.")
+    if its.trade_offs:
+        said.append("Some values hold only together, as is said below.")
+    if its.fits:
+        said.append(fit(its))
+    return " ".join([*said, *held_out(its.compared)])
 
 
 def value(its: Found) -> str:
@@ -77,7 +84,7 @@ def undetermined(its: Summary) -> list[str]:
         for p in its.parameters
         if p.asked and not p.determined
     ]
-    lines += [f"{line.replace(' - ', f' {MINUS} ')}." for line in its.combinations]
+    lines += [typeset(line) for line in (*its.combinations, *its.trade_offs)]
     lines += [
         f"{p.name} was fitted along, because it is not known exactly. Its uncertainty is part of "
         "all intervals."
@@ -85,6 +92,12 @@ def undetermined(its: Summary) -> list[str]:
         if not p.asked
     ]
     return lines
+
+
+def typeset(line: str) -> str:
+    """A line of the words of a calibration as a sentence of a page."""
+    signs = line.replace(" - ", f" {MINUS} ").replace("(correlation -", f"(correlation {MINUS}")
+    return signs.replace(" %", "\u202f%") + "."
 
 
 def listed(names: Sequence[str]) -> str:

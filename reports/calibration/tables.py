@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mfopt.records.calibration import Compared, Found, Measured, Recorded, Summary
+from mfopt.records.calibration import Compared, EmulatorCheck, Found, Measured, Recorded, Summary
 from reports.calibration.units import of_parameter, resolved, shown, with_unit, words
 from reports.campaign import PHASES, hours
 from reports.rows import Row
@@ -16,6 +16,7 @@ MEANING = {
     "design": "spread over the ranges",
     "refine": "around what the first runs left possible",
     "predict": "draws of the posterior, for check and prediction",
+    "possible": "draws of the posterior, in experiments that nobody made yet",
 }  # by purpose
 USES = {True: "held out", False: "fitted"}
 
@@ -40,17 +41,20 @@ class ParameterLine:
 
 def parameters(its: Summary) -> list[ParameterLine]:
     """The parameters, one line each."""
-    return [_parameter(p) for p in its.parameters]
+    return [_parameter(p, fits=its.fits) for p in its.parameters]
 
 
-def _parameter(its: Found) -> ParameterLine:
+def _parameter(its: Found, *, fits: bool) -> ParameterLine:
     unit, (low, high) = of_parameter(its), its.interval
     best, mean, lowest, highest = (resolved(v, its) for v in (its.best, its.mean, low, high))
     said = "determined" if its.determined else "not determined"
+    said = said if its.asked else "fitted along"
+    more = [] if its.edge is None else [f"at the {its.edge} end"]
+    more += [] if fits else ["of a wrong model"]
     return ParameterLine(
         its.name, unit.unit, number(its.low * unit.factor, 2), number(its.high * unit.factor, 2),
         best, mean, f"{lowest} to {highest}", f"{number(100.0 * its.share, 2)}\u202f%",
-        said if its.asked else "fitted along",
+        ", ".join([said, *more]),
         _place(its, low), _place(its, high), _place(its, its.best),
     )  # fmt: skip
 
@@ -92,6 +96,32 @@ def errors(compared: Sequence[Compared]) -> list[list[str]]:
             f"{c.error:.2f}",
         ])  # fmt: skip
     return lines
+
+
+def advice_head(its: Summary) -> list[str]:
+    """Head of the table of advice."""
+    return ["further recording", *(p.name for p in its.parameters if p.asked), "failed runs"]
+
+
+def advice(its: Summary) -> list[list[str]]:
+    """Further recording, what it would leave of the interval of each parameter, failed runs."""
+    names = [p.name for p in its.parameters if p.asked]
+    return [
+        [a.name, *(f"{100.0 * a.narrower[name]:.0f}\u202f%" for name in names), str(a.failed)]
+        for a in its.advice
+    ]
+
+
+def emulators(its: Sequence[EmulatorCheck]) -> list[list[str]]:
+    """Recording, runs, how many, hits of the 90 % intervals, mean square, its limit, error."""
+    return [
+        [
+            c.recording, "fresh" if c.fresh else "left out", str(c.runs),
+            f"{100.0 * c.held:.0f}\u202f%", f"{c.squared:.2f}", f"{c.by_chance:.2f}",
+            f"{c.error:.2f}",
+        ]
+        for c in its
+    ]  # fmt: skip
 
 
 def noise(its: Sequence[Measured]) -> list[list[str]]:

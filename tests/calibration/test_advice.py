@@ -8,7 +8,7 @@ import pytest
 from calibration.advice import RUNS, advise
 from calibration.posterior import Posterior
 from calibration.recordings.case import Case, Measurement, Parameter
-from calibration.summary import HARDLY
+from calibration.words import HARDLY
 from mfopt.arrays import Array, frozen
 from mfopt.records.evaluation import Candidate, Evaluation
 from mfopt.records.outcome import Outcome

@@ -37,6 +37,7 @@ def done(case: Path) -> Path:
     assert result.exit_code == 0, result.output
     assert "Columns are separated by semicolons" in result.output
     assert "slot 40 mm, level (held out): error" in result.output
+    assert "emulator" in result.output
     return path
 
 
@@ -49,6 +50,8 @@ def test_it_tells_parameters_directions_and_comparisons(done: Path) -> None:
     assert not stiffness["asked"]
     assert told["runs"] == 50
     assert {c["held_out"] for c in told["compared"]} == {True, False}
+    checked = [(c["recording"], c["fresh"]) for c in told["emulators"]]
+    assert checked == [(r, f) for r in ("slot 30 mm", "partial fill") for f in (False, True)]
 
 
 def test_it_writes_a_material(done: Path) -> None:

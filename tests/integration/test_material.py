@@ -66,6 +66,7 @@ def found(name: str, value: float, *, asked: bool = True, determined: bool = Tru
         determined,
         asked=asked,
         log=False,
+        edge=None,
     )
 
 
@@ -76,9 +77,11 @@ STIFFNESS = found("young_modulus", 2e6, asked=False)
 
 def summary(*parameters: Found) -> Summary:
     return Summary(
-        "glass-beads", parameters, directions=(), combinations=[], correlation=[], draws=[],
+        "glass-beads", parameters, directions=(), combinations=[], trade_offs=[],
+        correlation=[], draws=[],
         log_evidence=0.0, misfit=9.0, freedom=9, probability=0.4, fits=True, recordings=(),
-        compared=(), noise=(), runs=200, failed=0, cpu_s=1.0, advice=(), words=[],
+        compared=(), noise=(), runs=200, failed=0, cpu_s=1.0, emulators=(), advice=(),
+        further=[], warnings=[], check=[], words=[],
     )  # fmt: skip
 
 

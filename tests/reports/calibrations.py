@@ -10,8 +10,10 @@ from mfopt.arrays import Array, frozen
 from mfopt.campaign.store import RunDirectory, create, open_run
 from mfopt.records.calibration import (
     FILE,
+    Advice,
     Compared,
     Direction,
+    EmulatorCheck,
     Found,
     Measured,
     Recorded,
@@ -28,7 +30,7 @@ PURPOSES: tuple[Purpose, ...] = ("design", "design", "refine", "predict")
 def parameter(name: str, unit: str = "-", **changed: Any) -> Found:
     its = Found(
         name, unit, 0.1, 0.8, 0.36, 0.37, (0.33, 0.41), 0.13,
-        determined=True, asked=True, log=False,
+        determined=True, asked=True, log=False, edge=None,
     )  # fmt: skip
     return replace(its, **changed)
 
@@ -66,6 +68,7 @@ def summary(**changed: Any) -> Summary:
         parameters=parameters,
         directions=(Direction({"friction": 1.0, "restitution": 0.0, "young_modulus": 0.0}, 0.1),),
         combinations=["Not determined together: restitution - young_modulus"],
+        trade_offs=[],
         correlation=[[1.0, 0.2, -0.1], [0.2, 1.0, -0.5], [-0.1, -0.5, 1.0]],
         draws=draws(rng, parameters),
         log_evidence=-18.4, misfit=23.0, freedom=25, probability=0.58, fits=True,
@@ -80,9 +83,23 @@ def summary(**changed: Any) -> Summary:
             series("slot 40 mm", "level", "m", 0.06, held_out=True),
         ),
         noise=(Measured("level", "m", 5e-4, (4e-4, 6e-4), 0.03, "from 3 repeats"),),
-        runs=4, failed=1, cpu_s=8.0, advice=(), words=["friction = 0.37"],
+        runs=4, failed=1, cpu_s=8.0,
+        emulators=(EmulatorCheck("slot 30 mm", False, 40, 0.93, 0.8, 1.2, 1.1),
+                   EmulatorCheck("slot 30 mm", True, 6, 0.88, 1.1, 1.6, 1.3)),
+        advice=(),
+        further=["To determine restitution, record next: a heap"], warnings=[],
+        check=["The emulators know their errors"], words=["friction = 0.37"],
     )  # fmt: skip
-    return replace(its, **changed)
+    its = replace(its, **changed)
+    return its if "advice" in changed else replace(its, advice=advice(its.parameters))
+
+
+def advice(parameters: tuple[Found, ...]) -> tuple[Advice, ...]:
+    """Of two further recordings, of which one tells much."""
+    return (
+        Advice("a heap", {p.name: 0.31 for p in parameters}, 0),
+        Advice("half the portion", {p.name: 0.92 for p in parameters}, 2),
+    )
 
 
 def draws(rng: np.random.Generator, parameters: tuple[Found, ...]) -> list[list[float]]:

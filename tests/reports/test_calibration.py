@@ -15,7 +15,7 @@ from test_write import squeezed, words
 from mfopt.errors import ConfigError
 from mfopt.records.calibration import FILE, Recorded, Summary
 from reports.calibration import write_calibration_report
-from reports.calibration.figures import BEST_FIT
+from reports.calibration.figures import best_fit_file
 from reports.calibration.sentences import misfit, sentence
 from reports.calibration.units import resolved, shown
 
@@ -42,6 +42,8 @@ SAID = (
     "slot 30 mm", "slot 40 mm", "opening_mm = 40, scene = discharge", "discharged fraction",
     "angle of repose", "held out", "a.csv: It had a gap.", "from 3 repeats", "30 ms", "0.50 mm",
     "the bottom fell out", "spread over the ranges", "draws of the posterior", "Residuals",
+    "What to record next", "To determine restitution, record next: a heap.", "31 %", "92 %",
+    "Check of the emulators", "The emulators know their errors.", "left out", "1.60",
     "What the recordings leave possible", 'name = "invented"',
 )  # fmt: skip
 
@@ -61,20 +63,45 @@ def test_html_is_self_contained_and_shows_every_figure(tmp_path: Path) -> None:
     assert all(alt.strip() for alt in re.findall(r'<img[^>]*alt="([^"]*)"', html))
 
 
-def test_a_picture_of_the_best_fit_is_shown_where_there_is_one(tmp_path: Path) -> None:
+def test_pictures_of_the_best_fit_are_shown_where_there_are_some(tmp_path: Path) -> None:
     run = calibration(tmp_path / "run")
     square = '<svg xmlns="http://www.w3.org/2000/svg" width="90pt" height="90pt"></svg>'
-    (run.path / BEST_FIT).write_text(square)
+    (run.path / best_fit_file(0)).write_text(square)
+    (run.path / best_fit_file(1)).write_text(square)
     html, pdf = tmp_path / "r.html", tmp_path / "r.pdf"
     write_calibration_report(run, html=html, pdf=pdf)
-    assert "under the conditions of the recording slot 30 mm" in words(html)
-    assert "at work" in "".join(page.extract_text() for page in PdfReader(pdf).pages)
+    for name in ("slot 30 mm", "slot 40 mm"):
+        assert f"under the conditions of the recording {name}" in words(html)
+    printed = "".join(page.extract_text() for page in PdfReader(pdf).pages)
+    assert printed.count("at work") == 2
 
 
-def test_a_wrong_model_is_said_on_top(tmp_path: Path) -> None:
-    text, _ = written(tmp_path, summary(fits=False, probability=1e-9))
-    assert text.index("values are those of a wrong model") < text.index("within the range")
+def test_a_wrong_model_is_said_on_top_and_beside_the_values(tmp_path: Path) -> None:
+    why = "The simulation does not fit: a misfit of 99 on 25 degrees of freedom"
+    text, pdf = written(tmp_path, summary(fits=False, probability=1e-9, warnings=[why]))
+    assert text.index("does not fit the recordings, so the values are") < text.index("friction =")
+    assert text.index(why) < text.index("within the range")
+    assert "The recordings determine" not in text
+    assert "determined, of a wrong model" in text
     assert "probability below 0.001" in text
+    assert squeezed(why) in squeezed("".join(page.extract_text() for page in pdf.pages))
+
+
+def test_trade_offs_and_ends_of_ranges_are_shown(tmp_path: Path) -> None:
+    its = summary(
+        parameters=(parameter("drag", edge="upper"), *summary().parameters[1:]),
+        trade_offs=["drag and lift trade off (correlation -0.95): 31 %"],
+    )
+    text, _ = written(tmp_path, its)
+    assert squeezed("drag and lift trade off (correlation \u22120.95): 31 %.") in squeezed(text)
+    assert "Some values hold only together" in text
+    assert "determined, at the upper end" in text
+
+
+def test_without_advice_and_check_there_are_no_such_parts(tmp_path: Path) -> None:
+    text, _ = written(tmp_path, summary(advice=(), further=[], emulators=(), check=[]))
+    assert "What to record next" not in text
+    assert "Check of the emulators" not in text
 
 
 @pytest.mark.parametrize("held_out", [False, True])

@@ -1,0 +1,184 @@
+"""What a calibration found, in words: warnings first, one sentence or two a line."""
+
+import math
+from itertools import combinations as pairs_of
+
+import numpy as np
+
+from mfopt.records.calibration import Compared, EmulatorCheck, Found, Summary
+
+DETERMINED = 0.5  # of the prior's interval: a narrower posterior says something
+WELL_DETERMINED = 0.25  # of the prior's standard deviation, of a combination
+MISFIT = 0.01  # probability of a larger misfit, below which a fit is doubtful
+NAMED = 0.2  # of the largest weight: smaller ones are left out of a combination's name
+HARDLY = 0.85  # of an interval: a recording that leaves more tells hardly anything
+# A correlation r leaves sqrt(1 - r^2) of an interval once the other parameter is known: here half.
+STRONG = math.sqrt(0.75)
+FAR = 2.0  # times what is explained: single differences are beyond in 5 % of cases if all is right
+
+
+def in_words(its: Summary) -> list[str]:
+    """What an engineer wants to know; `its` has all other words."""
+    return [
+        *its.warnings,
+        *(parameter_in_words(p, fits=its.fits) for p in its.parameters),
+        *its.combinations,
+        *its.trade_offs,
+        *its.further,
+        *map(error_in_words, its.compared),
+        *its.check,
+        f"{its.runs} simulations, {its.failed} failed, {its.cpu_s:.0f} s of CPU",
+    ]
+
+
+def warnings(its: Summary) -> list[str]:
+    """Why the values may be wrong; empty if nothing says so."""
+    lines = []
+    if not its.fits:
+        lines.append(
+            f"The simulation does not fit: {_why_not(its)}. The values are those of a wrong model. "
+            "Check recordings and conditions, or add the physics that the simulation lacks"
+        )
+    lines += [_at_the_edge(p, fits=its.fits) for p in its.parameters if p.edge is not None]
+    lines += [_too_sure(c, its.runs) for c in its.emulators if c.too_sure]
+    return lines
+
+
+def _why_not(its: Summary) -> str:
+    reasons = [
+        f"{c.recording}, {c.channel}, is {c.error:.1f} times as far from the simulation as noise, "
+        "scatter and stated errors explain"
+        for c in sorted(its.compared, key=lambda c: -c.error)
+        if not c.held_out and c.error > FAR
+    ][:1]
+    if its.probability < MISFIT:
+        reasons.append(
+            f"a misfit of {its.misfit:.0f} on {its.freedom} degrees of freedom has probability "
+            f"{its.probability:.1g}"
+        )
+    return "; ".join(reasons)
+
+
+def _at_the_edge(its: Found, *, fits: bool) -> str:
+    bound = its.low if its.edge == "lower" else its.high
+    said = f"{its.name} lies at the {its.edge} end of its range, {bound:g}{_unit(its)}"
+    if not its.asked:
+        return f"{said}: what the case states of it may be wrong, or the simulation lacks something"
+    if bound == 0.0 and fits:
+        return f"{said}: the recordings show no sign of it, so it can be left out"
+    return (
+        f"{said}: widen the range. If such a value makes no sense, the simulation lacks something"
+    )
+
+
+def _unit(its: Found) -> str:
+    return "" if its.unit == "-" else f" {its.unit}"
+
+
+def _too_sure(its: EmulatorCheck, runs: int) -> str:
+    which = "fresh runs" if its.fresh else "runs left out of the fit"
+    return (
+        f"The emulator of {its.recording} is too sure: {100 * its.held:.0f} % of its 90 % "
+        f"intervals hold {which}, whose mean squared error is {its.squared:.1f} times what it says "
+        f"(chance explains {its.by_chance:.1f}). Intervals of the parameters may be too narrow. "
+        f"Make more runs, such as --runs {2 * runs}, or narrow the ranges"
+    )
+
+
+def check_in_words(its: Summary) -> list[str]:
+    """That the emulators know their errors, if they do."""
+    if not its.emulators or any(c.too_sure for c in its.emulators):
+        return []
+    left_out, fresh = (
+        np.mean([c.held for c in its.emulators if c.fresh is which]) for which in (False, True)
+    )
+    return [
+        f"The emulators know their errors: of their 90 % intervals {100 * left_out:.0f} % hold "
+        f"runs left out of the fit, {100 * fresh:.0f} % hold fresh runs"
+    ]
+
+
+def parameter_in_words(its: Found, *, fits: bool) -> str:
+    """Value and interval."""
+    mean, low, high = (f"{v:.{_digits(its.interval)}g}" for v in (its.mean, *its.interval))
+    said = f"{its.name} = {mean}{_unit(its)}, 90 % from {low} to {high}"
+    if not fits:
+        said = f"{said}, of a wrong model"
+    if not its.asked:
+        return f"{said} (left free, for it is not known exactly)"
+    return said if its.determined else f"{said}: not determined by these recordings"
+
+
+def trade_offs(its: Summary) -> list[str]:
+    """Pairs of parameters of which one can stand in for the other."""
+    lines = []
+    for (i, a), (j, b) in pairs_of(enumerate(p.name for p in its.parameters), 2):
+        r = its.correlation[i][j]
+        if abs(r) > STRONG:
+            lines.append(
+                f"{a} and {b} trade off (correlation {r:.2f}): a larger {a} with a "
+                f"{'larger' if r > 0.0 else 'smaller'} {b} changes the simulation little. Use "
+                "their values together. With one known, the interval of the other would shrink to "
+                f"{100 * math.sqrt(max(0.0, 1.0 - r * r)):.0f} %"
+            )
+    return lines
+
+
+def _digits(interval: tuple[float, float]) -> int:
+    """Significant digits, at least 3, with which the width of an interval shows two."""
+    low, high = interval
+    size = max(abs(low), abs(high))
+    if not high > low:
+        return 3
+    return max(3, 2 + math.floor(math.log10(size)) - math.floor(math.log10(high - low)))
+
+
+def further(its: Summary) -> list[str]:
+    """Which further recording would narrow what is not determined."""
+    open_ones = [p.name for p in its.parameters if p.asked and not p.determined]
+    if not open_ones:
+        return []
+    if not its.advice:
+        return ["Which further recording would determine them: mfopt calibrate with --advise"]
+    lines = []
+    for name in open_ones:
+        best = min(its.advice, key=lambda a: a.narrower[name])
+        if best.narrower[name] > HARDLY:
+            lines.append(f"None of the {len(its.advice)} further recordings tells {name} better")
+        else:
+            lines.append(
+                f"To determine {name}, record next: {best.name}; its interval would shrink to "
+                f"{100 * best.narrower[name]:.0f} %"
+            )
+    return lines
+
+
+def error_in_words(its: Compared) -> str:
+    """How far simulations are from a recording."""
+    kind = "held out" if its.held_out else "fitted"
+    rms = float(np.sqrt(np.mean(np.subtract(its.recorded, its.simulated) ** 2)))
+    unit = "" if its.unit == "-" else f" {its.unit}"
+    return (
+        f"{its.recording}, {its.channel} ({kind}): error {rms:.2g}{unit} rms, {its.error:.2f} "
+        "times what noise, scatter of runs and stated errors explain"
+    )
+
+
+def combinations(its: Summary) -> list[str]:
+    """Combinations that are known much better, or hardly at all, than single parameters say."""
+    if all(p.determined for p in its.parameters if p.asked) or len(its.parameters) < 2:
+        return []
+    lines = []
+    for direction in its.directions:
+        largest = max(abs(w) for w in direction.weights.values())
+        its_names = {n: w for n, w in direction.weights.items() if abs(w) >= NAMED * largest}
+        if len(its_names) < 2:
+            continue
+        sign = 1.0 if max(its_names.values(), key=abs) > 0 else -1.0
+        name = " ".join(f"{'+' if sign * w > 0 else '-'} {n}" for n, w in its_names.items())
+        name = name.removeprefix("+ ")
+        if direction.ratio < WELL_DETERMINED:
+            lines.append(f"Determined together: {name}")
+        elif direction.ratio > DETERMINED:
+            lines.append(f"Not determined together: {name} can change without a visible difference")
+    return lines

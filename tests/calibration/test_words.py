@@ -1,0 +1,143 @@
+"""What a calibration says: warnings first, trade-offs, ends of ranges, check of the emulators."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calibration.summary import edge_of
+from calibration.words import (
+    STRONG,
+    check_in_words,
+    further,
+    in_words,
+    parameter_in_words,
+    trade_offs,
+    warnings,
+)
+from mfopt.records.calibration import Advice, Compared, EmulatorCheck, Found, Summary
+
+
+def found(name: str, **changed: Any) -> Found:
+    its = Found(
+        name, "-", 0.0, 0.8, 0.36, 0.37, (0.33, 0.41), 0.13, determined=True, asked=True,
+        log=False, edge=None,
+    )  # fmt: skip
+    return replace(its, **changed)
+
+
+def check(*, fresh: bool, squared: float = 0.9) -> EmulatorCheck:
+    held = 0.92 if squared < 1.5 else 0.6
+    return EmulatorCheck("slot", fresh, 6, held, squared, 1.5, 1.1)
+
+
+def compared(error: float, *, held_out: bool = False) -> Compared:
+    return Compared("slot", held_out, "level", "m", None, [1.0], [1.1], [0.9], [1.2], [0.1], error)
+
+
+def summary(**changed: Any) -> Summary:
+    its = Summary(
+        name="beads", parameters=(found("linear"), found("quadratic")), directions=(),
+        combinations=[], trade_offs=[], correlation=[[1.0, 0.1], [0.1, 1.0]], draws=[],
+        log_evidence=0.0, misfit=20.0, freedom=20, probability=0.5, fits=True, recordings=(),
+        compared=(compared(1.0),), noise=(), runs=80, failed=0, cpu_s=1.0,
+        emulators=(check(fresh=False), check(fresh=True)), advice=(), further=[], warnings=[],
+        check=[], words=[],
+    )  # fmt: skip
+    return replace(its, **changed)
+
+
+def test_a_right_fit_has_no_warnings_and_one_line_on_the_emulators() -> None:
+    assert warnings(summary()) == []
+    assert check_in_words(summary()) == [
+        "The emulators know their errors: of their 90 % intervals 92 % hold runs left out of the "
+        "fit, 92 % hold fresh runs"
+    ]
+
+
+def test_a_wrong_model_is_said_first_and_marks_every_value() -> None:
+    its = summary(fits=False, probability=1e-9, misfit=753.0)
+    its = replace(its, warnings=warnings(its))
+    first, *rest = in_words(its)
+    assert first.startswith("The simulation does not fit: a misfit of 753 on 20 degrees")
+    assert "The values are those of a wrong model." in first
+    lines = [line for line in rest if " = " in line]
+    assert len(lines) == 2
+    assert all("of a wrong model" in line for line in lines)
+
+
+def test_a_fitted_recording_that_is_far_off_is_named() -> None:
+    its = summary(fits=False, compared=(compared(1.0), compared(2.4), compared(9.0, held_out=True)))
+    (line,) = warnings(its)
+    assert "slot, level, is 2.4 times as far from the simulation" in line
+    assert "misfit" not in line
+
+
+def test_values_of_a_right_model_carry_no_warning() -> None:
+    assert parameter_in_words(found("friction"), fits=True) == (
+        "friction = 0.37, 90 % from 0.33 to 0.41"
+    )
+
+
+@pytest.mark.parametrize(("r", "way"), [(-0.95, "smaller"), (0.95, "larger")])
+def test_parameters_that_trade_off_are_named_though_both_are_determined(r: float, way: str) -> None:
+    (line,) = trade_offs(summary(correlation=[[1.0, r], [r, 1.0]]))
+    assert line.startswith(f"linear and quadratic trade off (correlation {r:.2f})")
+    assert f"a larger linear with a {way} quadratic" in line
+    assert "shrink to 31 %" in line
+
+
+def test_a_correlation_that_leaves_more_than_half_of_an_interval_is_no_trade_off() -> None:
+    weak, strong = STRONG - 0.01, STRONG + 0.01
+    assert trade_offs(summary(correlation=[[1.0, weak], [weak, 1.0]])) == []
+    assert len(trade_offs(summary(correlation=[[1.0, strong], [strong, 1.0]]))) == 1
+
+
+def test_draws_at_an_end_of_the_range_are_found() -> None:
+    rng = np.random.default_rng(1)
+    piled = np.minimum(rng.exponential(0.02, 2000), 1.0)
+    assert edge_of(piled) == "lower"
+    assert edge_of(1.0 - piled) == "upper"
+    assert edge_of(np.full(2000, 1.0)) == "upper"
+
+
+def test_draws_that_the_bound_does_not_cut_off_are_not_at_the_edge() -> None:
+    rng = np.random.default_rng(2)
+    assert edge_of(rng.random(2000)) is None  # nothing was learnt
+    assert edge_of(0.03 + 0.004 * rng.normal(size=2000)) is None  # small, and well determined
+    assert edge_of(0.5 + 0.1 * rng.normal(size=2000)) is None
+
+
+def test_an_end_of_the_range_comes_with_a_remedy() -> None:
+    (upper,) = warnings(summary(parameters=(found("friction", edge="upper"),)))
+    assert upper.startswith("friction lies at the upper end of its range, 0.8: widen the range")
+    (none,) = warnings(summary(parameters=(found("dry", edge="lower"),)))
+    assert "no sign of it" in none
+    wrong = summary(parameters=(found("dry", edge="lower"),), fits=False, probability=1e-9)
+    assert "the simulation lacks something" in warnings(wrong)[1]
+    along = found("young_modulus", unit="Pa", high=1.2e7, asked=False, edge="upper")
+    (line,) = warnings(summary(parameters=(along,)))
+    assert "1.2e+07 Pa: what the case states of it may be wrong" in line
+
+
+@pytest.mark.parametrize("fresh", [False, True])
+def test_an_emulator_that_is_too_sure_is_named_with_the_remedy(fresh: bool) -> None:
+    its = summary(emulators=(check(fresh=not fresh), check(fresh=fresh, squared=2.3)))
+    (line,) = warnings(its)
+    assert ("fresh runs" in line) is fresh
+    assert "60 % of its 90 % intervals" in line
+    assert "--runs 160" in line
+    assert check_in_words(its) == []
+
+
+def test_the_recording_that_tells_most_is_said() -> None:
+    its = summary(
+        parameters=(found("linear"), found("quadratic", determined=False)),
+        advice=(Advice("a", {"linear": 0.9, "quadratic": 0.8}, 0),
+                Advice("b", {"linear": 0.9, "quadratic": 0.4}, 0)),
+    )  # fmt: skip
+    assert further(its) == [
+        "To determine quadratic, record next: b; its interval would shrink to 40 %"
+    ]
+    assert "--advise" in further(replace(its, advice=()))[0]
