@@ -94,7 +94,7 @@ def _check(
     """From errors of scores (n, k), with covariance (k, n, n), and what is beyond these (n, p)."""
     variance = np.einsum("knn->nk", covariance)
     z = errors / np.sqrt(variance)
-    freedom = _freedom(covariance, emulator.noise)
+    freedom = _freedom(covariance, _between(emulator))
     runs, parameters = emulator.scores.z.shape
     of_noise = max(runs - parameters - FITTED, 1) * freedom / len(errors)
     scatter = np.mean((emulator.scatter() / emulator.scale) ** 2)
@@ -110,11 +110,18 @@ def _check(
     )
 
 
-def _freedom(covariance: Array, noise: Array) -> float:
-    """Degrees of freedom of errors with covariance (k, n, n), and noise (k, k) between scores."""
+def _between(emulator: SeriesEmulator) -> Array:
+    """Correlations (k, k) between the scores of one run, less their predictions."""
+    errors, covariance = emulator.scores.left_out_errors()
+    z = errors / np.sqrt(np.einsum("knn->nk", covariance))
+    size = np.sqrt(np.sum(z**2, axis=0))
+    return np.asarray(z.T @ z / np.outer(size, size))
+
+
+def _freedom(covariance: Array, between: Array) -> float:
+    """Degrees of freedom of errors (n, k) with covariance (k, n, n), and correlations (k, k)."""
     variance = np.einsum("knn->kn", covariance)
     squares = covariance**2 / (variance[:, :, None] * variance[:, None, :])
     within = np.sum(np.minimum(squares, 1.0))  # rounding, where hardly any variance is left
-    across = noise**2 * (1.0 / variance @ (1.0 / variance).T)
-    total = within + np.sum(across) - np.trace(across)
-    return float(variance.size**2 / total)
+    k, n = variance.shape
+    return float(variance.size**2 / (within + n * (np.sum(between**2) - k)))

@@ -20,7 +20,7 @@ def sentence(its: Summary) -> str:
     if known and its.fits:
         said.append(f"The recordings determine {listed(known)}.")
     elif known:
-        said.append(f"They are {listed(known)}.")
+        said.append(f"In that model {listed(known)}.")
     if lost:
         nobody = "They" if known and its.fits else "The recordings"
         said.append(f"{nobody} do not determine {listed(lost)}.")

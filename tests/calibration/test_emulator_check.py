@@ -101,10 +101,10 @@ def test_errors_of_the_stated_covariance_warn_as_often_as_stated() -> None:
     rng = np.random.default_rng(1)
     n, k = 6, 3
     covariance = np.array([0.6 * np.ones((n, n)) + 0.4 * np.eye(n)] * k)
-    noise = 0.4 * np.array([[1.0, 0.7, 0.0], [0.7, 1.0, 0.0], [0.0, 0.0, 1.0]])
-    whole = np.kron(np.eye(k), covariance[0]) + np.kron(noise - 0.4 * np.eye(k), np.eye(n))
+    between = np.array([[1.0, 0.28, 0.0], [0.28, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    whole = np.kron(np.eye(k), covariance[0]) + np.kron(between - np.eye(k), np.eye(n))
     draws = rng.multivariate_normal(np.zeros(n * k), whole, 20_000)
     squared = np.mean(draws**2, axis=1)
-    freedom = _freedom(covariance, noise)
+    freedom = _freedom(covariance, between)
     assert freedom < 0.5 * n * k
     assert np.var(squared) == pytest.approx(2.0 / freedom, rel=0.1)

@@ -81,6 +81,7 @@ def test_a_wrong_model_is_said_on_top_and_beside_the_values(tmp_path: Path) -> N
     text, pdf = written(tmp_path, summary(fits=False, probability=1e-9, warnings=[why]))
     assert text.index("does not fit the recordings, so the values are") < text.index("friction =")
     assert text.index(why) < text.index("within the range")
+    assert "In that model friction = 0.370" in text
     assert "The recordings determine" not in text
     assert "determined, of a wrong model" in text
     assert "probability below 0.001" in text
