@@ -126,13 +126,14 @@ class SceneRig:
             duration = scene.cycle(scene.problem().baseline).duration_s
             units = {q.name: q.unit for q in criteria.quantities}
             units |= {series.name: series.unit for series in criteria.series}
+            can_vanish = {q.name for q in criteria.quantities if q.can_vanish}
             for quantity, unit in units.items():
                 typical = {
                     "m": size, "s": duration, "kg/s": mass / duration,
                     "kg": mass, "rad": 1.0, "-": 1.0,
                 }[unit]  # fmt: skip
                 channel = channel_name(quantity)
-                found[channel] = Channel(channel, unit, typical)
+                found[channel] = Channel(channel, unit, typical, quantity in can_vanish)
         return found
 
     def parameter(self, name: str) -> RigParameter:

@@ -82,14 +82,16 @@ def check_scalars(
     """Refuse a number that is far from the median of the other repeats.
 
     Raises:
-        ConfigError: if it differs by more than three times `tolerance`, relative to that median.
+        ConfigError: if it differs by more than three times `tolerance`, relative to that median or,
+            of a number that can vanish, to the usual size.
     """
     values = [r.scalars[channel.name] for r in repeats if channel.name in r.scalars]
     limit = SCALAR_FACTOR * tolerance
     for i, value in enumerate(values):
         rest = [*values[:i], *values[i + 1 :]]
         middle = float(np.median(rest)) if rest else value
-        scale = max(abs(middle), SMALLEST_SCALE * channel.size)
+        least = channel.size if channel.can_vanish else SMALLEST_SCALE * channel.size
+        scale = max(abs(middle), least)
         # With two numbers each is as far from the other; both are named.
         if abs(value - middle) > limit * scale and (len(values) < 4 or _is_outlier(value, rest)):
             raise ConfigError(

@@ -60,7 +60,8 @@ def check_number(channel: Channel, value: float, unit: Unit, where: str) -> None
     """
     factor = _factor(channel)
     ratio = abs(value) * unit.factor / channel.size
-    if ratio != 0.0 and not 1.0 / factor <= ratio <= factor:
+    too_small = ratio < 1.0 / factor and ratio != 0.0 and not channel.can_vanish
+    if too_small or ratio > factor:
         raise ConfigError(
             f"{where}: {_said(channel, value, unit)} is {ratio:.3g} times the usual "
             f"{channel.size:g} {channel.unit}, outside the limits of 1/{factor:g} and {factor:g}; "

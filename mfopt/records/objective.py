@@ -39,6 +39,7 @@ class Quantity:
     limit: float | None = None  # that the study sets: at most this
     lower_is_better: bool = True  # False: neither way is worse in itself
     wanted: float | None = None  # value that the study asks for
+    can_vanish: bool = False  # True: good runs have values near 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

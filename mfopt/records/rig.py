@@ -16,6 +16,7 @@ class Channel:
     name: str
     unit: str  # SI; "-" for a pure number
     size: float  # typical largest value [unit]; recorded values far off it are refused
+    can_vanish: bool = False  # True: values far below it are usual, and not refused
 
     def __post_init__(self) -> None:
         if not 0.0 < self.size < np.inf:

@@ -8,6 +8,7 @@ from recordings_corpus import CHANNELS, clean, read_case
 
 from calibration.recordings.case_settings import read_case_settings
 from mfopt.errors import ConfigError
+from mfopt.records.rig import Channel
 
 ROOT = Path(__file__).parents[2]
 HEAD = '[case]\nname = "c"\n[rig]\nscene = "s"\n'
@@ -43,6 +44,31 @@ def test_numbers_and_files_of_a_repeat_belong_together(tmp_path: Path) -> None:
     a, b = read_case(written(tmp_path, text), CHANNELS).recordings[0].repeats
     assert (a.file, a.scalars["mass"]) == ("a.csv", pytest.approx(0.150))
     assert (b.file, b.scalars["mass"]) == ("b.csv", pytest.approx(0.151))
+
+
+@pytest.mark.parametrize("conditions", ["cup.volume_ml = 900", "cup = { volume_ml = 900 }"])
+def test_a_condition_in_a_table_is_named_with_the_table(tmp_path: Path, conditions: str) -> None:
+    text = HEAD + PARAMETER + RECORDING + f"conditions = {{ cycle_ms = 700, {conditions} }}\n"
+    text += f'[[possible]]\nname = "p"\nconditions = {{ {conditions} }}\n'
+    settings, _ = read_case_settings(written(tmp_path, text))
+    assert settings.recording[0].conditions == {"cycle_ms": 700.0, "cup.volume_ml": 900.0}
+    assert settings.possible[0].conditions == {"cup.volume_ml": 900.0}
+
+
+def test_only_a_number_that_can_vanish_may_be_far_below_the_usual_size(tmp_path: Path) -> None:
+    left = '[[recording]]\nname = "r"\nscalars = { left = { values = [VALUE], unit = "%" } }\n'
+    text = HEAD + PARAMETER + left
+
+    def read(value: float, *, can_vanish: bool) -> float:
+        path = written(tmp_path, text.replace("VALUE", str(value)))
+        channels = {"left": Channel("left", "-", 1.0, can_vanish)}
+        return read_case(path, channels).recordings[0].repeats[0].scalars["left"]
+
+    assert read(0.3, can_vanish=True) == pytest.approx(0.003)
+    with pytest.raises(ConfigError, match=r"left = 0\.3 % is 0\.003 times the usual 1"):
+        read(0.3, can_vanish=False)
+    with pytest.raises(ConfigError, match="outside the limits"):
+        read(3000.0, can_vanish=True)
 
 
 def test_rows_choose_the_runs_of_one_file(tmp_path: Path) -> None:

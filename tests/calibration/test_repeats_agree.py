@@ -108,3 +108,10 @@ def test_numbers_that_scatter_agree(values: list[float]) -> None:
 def test_numbers_that_contradict_are_refused(values: list[float]) -> None:
     with pytest.raises(ConfigError, match=r"angle = .* differs from the other repeats"):
         check_scalars([Repeat("", {}, {"angle": v}) for v in values], ANGLE, 0.1, "case")
+
+
+def test_small_numbers_that_can_vanish_agree() -> None:
+    repeats = [Repeat("", {}, {"left": share}) for share in (0.01, 0.03, 0.0)]
+    check_scalars(repeats, Channel("left", "-", 1.0, can_vanish=True), 0.1, "case")
+    with pytest.raises(ConfigError, match="differs from the other repeats"):
+        check_scalars(repeats, Channel("left", "-", 1.0), 0.1, "case")

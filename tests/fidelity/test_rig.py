@@ -47,6 +47,11 @@ def test_a_run_of_every_scene_gives_the_channels_that_the_rig_names(scene: str) 
         assert values.shape in ((), outcome.raw.get("time", values).shape), name
 
 
+def test_nothing_may_be_left_in_a_cup_or_hopper() -> None:
+    for scene in ("dosing", "discharge"):
+        assert [c.name for c in rig(scene).channels.values() if c.can_vanish] == ["mass_left"]
+
+
 @pytest.fixture(scope="module")
 def passages() -> dict[float, Outcome]:
     """A cup of grains on walls of two frictions."""

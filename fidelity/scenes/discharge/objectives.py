@@ -45,7 +45,7 @@ def criteria(wanted: Wanted) -> Criteria:
                 wanted=wanted.mass_flow_rate_kg_s,
             ),
             Quantity("discharge time", "s", discharge_time, (1e3, "ms")),
-            Quantity("mass left", "-", mass_left, (1e2, "%")),
+            Quantity("mass left", "-", mass_left, (1e2, "%"), can_vanish=True),
         ),
         "mass flow rate",
         (

@@ -67,7 +67,7 @@ def criteria(weights: Weights = DEFAULTS) -> Criteria:
         (
             Quantity("dispersion", "s", partial(_dispersion, weights), (1e3, "ms")),
             Quantity("filling time", "s", span, (1e3, "ms"), weights.filling_time_limit_s),
-            Quantity("mass left", "-", mass_left, (1e2, "%")),
+            Quantity("mass left", "-", mass_left, (1e2, "%"), can_vanish=True),
         ),
         "filling time",
         (Series("share passed", "-", passed_share, (1e2, "%")),),
