@@ -1,8 +1,8 @@
 """Ways to fit the parameters of a case, each of which spends the same number of runs.
 
-mfopt's own fit, and L-BFGS-B, CMA-ES and surmise (https://surmise.readthedocs.io): an emulator of
-principal components and Metropolis-Hastings. `grainlearning_peer` is a fifth. What methods run
-beyond the fit does not count.
+mfopt's own fit; what an engineer does by hand; random search; L-BFGS-B; CMA-ES; surmise
+(https://surmise.readthedocs.io): an emulator of principal components and Metropolis-Hastings.
+`grainlearning_peer` is one more. What methods run beyond the fit does not count.
 """
 
 import math
@@ -33,6 +33,8 @@ FLAT = 1e-3  # of the largest spread: points that vary less have no scale of the
 LEAST_VARIANCE = 1e-5
 SAMPLES, BURNT = 6000, 2000  # of Metropolis-Hastings
 STEP = 0.05  # [of the ranges] of its proposals
+TRIED = 5  # values of one parameter by hand, before the next is tried
+NARROWER = 0.4  # range of these values over that of the turn before
 
 
 def mfopt(case: Case, noises: Mapping[str, Noise], evaluate: Evaluate, runs: int) -> Array:
@@ -40,6 +42,32 @@ def mfopt(case: Case, noises: Mapping[str, Noise], evaluate: Evaluate, runs: int
     campaign = calibrate(case, noises, evaluate, with_predictions(case, runs))
     z = to_unit(case.parameters, campaign.fitted.posterior.draws).mean(axis=0)
     return from_unit(case.parameters, z)
+
+
+def by_hand(case: Case, noises: Mapping[str, Noise], evaluate: Evaluate, runs: int) -> Array:
+    """The best of a few values of one parameter after the other, the range narrower each turn.
+
+    The first turn is over the whole range, the other parameters in the middle of theirs.
+    """
+    squares = Squares(case, noises, evaluate, runs)
+    best, half = np.full(len(case.parameters), 0.5), 0.5
+    while squares.left >= TRIED:
+        for place in range(len(best)):
+            low, high = np.clip([best[place] - half, best[place] + half], 0.0, 1.0)
+            z = np.tile(best, (min(TRIED, squares.left), 1))
+            z[:, place] = np.linspace(low, high, TRIED)[: len(z)]
+            if len(z) > 0:
+                best[place] = z[np.argmin(squares(z)), place]
+        half *= NARROWER
+    return from_unit(case.parameters, best)
+
+
+def random_search(case: Case, noises: Mapping[str, Noise], evaluate: Evaluate, runs: int) -> Array:
+    """The smallest squares among draws of the prior."""
+    squares, transform = Squares(case, noises, evaluate, runs), prior_transform(case.parameters)
+    cube = np.random.default_rng([case.seed, 1]).random((squares.left, len(case.parameters)))
+    z = np.array([transform(u) for u in cube])
+    return from_unit(case.parameters, z[np.argmin(squares(z))])
 
 
 def lbfgsb(case: Case, noises: Mapping[str, Noise], evaluate: Evaluate, runs: int) -> Array:
@@ -144,6 +172,6 @@ def with_predictions(case: Case, runs: int) -> int:
 
 
 METHODS: Mapping[str, Method] = {
-    "mfopt": mfopt, "L-BFGS-B": lbfgsb, "CMA-ES": cmaes, "surmise": surmise,
-    "GrainLearning": grainlearning,
+    "mfopt": mfopt, "by hand": by_hand, "random": random_search, "L-BFGS-B": lbfgsb,
+    "CMA-ES": cmaes, "surmise": surmise, "GrainLearning": grainlearning,
 }  # fmt: skip
