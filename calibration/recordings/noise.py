@@ -220,7 +220,9 @@ def _interval(models: Sequence[_Model], best: float) -> tuple[float, float]:
     solve = _at(models)
     low, high = _range_of_tau(models)
     near = max(low, best / NEAR), min(high, max(best, low) * NEAR)
-    fits = [solve(tau) for tau in np.geomspace(*near, TAUS)]
+    # At uneven times even the shortest of these correlates the closest samples.
+    independent = [] if best > 0.0 else [0.0]
+    fits = [solve(tau) for tau in (*independent, *np.geomspace(*near, TAUS))]
     losses = np.array([restricted(its) for its in fits])
     sigmas = np.array([_sigma(its) for its in fits])[losses < np.min(losses) + chi2.ppf(0.9, 1)]
     freedom = sum(its.freedom for its in fits[0])

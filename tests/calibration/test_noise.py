@@ -60,6 +60,21 @@ def test_noise_comes_back_from_repeats(tau: float, kink: bool, repeats: int) -> 
     assert {n.found for n in found} == {f"from {repeats} repeats"}
 
 
+@pytest.mark.parametrize("repeats", [1, 3])
+def test_independent_noise_at_uneven_times_lies_in_its_interval(repeats: int) -> None:
+    held = 0
+    for seed in range(8):
+        rng, made = np.random.default_rng(seed), []
+        for i in range(repeats):
+            t = np.sort(rng.uniform(0.0, 1.5, 60))
+            values = level(t, kink=False) + SIGMA * rng.standard_normal(t.size)
+            series = Series("level", t, values, 0.0, np.zeros(t.size, bool))
+            made.append(Repeat(f"{i}", {"level": series}))
+        found = measurement_noise([Recording("run", {}, tuple(made))], "level", UNKNOWN)
+        held += found.sigma_range[0] <= SIGMA <= found.sigma_range[1]
+    assert held >= 6  # a 90 % interval misses 3 of 8 once in 26 times
+
+
 def test_recordings_are_pooled() -> None:
     all_of_it = [recording(2, seed) for seed in range(6)]
     one = measurement_noise(all_of_it[:1], "level", UNKNOWN)
