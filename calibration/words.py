@@ -52,9 +52,10 @@ def _why_not(its: Summary) -> str:
         if not c.held_out and c.error > FAR
     ][:1]
     if its.probability < MISFIT:
+        chance = "below 0.001" if its.probability < 1e-3 else f"of {its.probability:.1g}"
         reasons.append(
-            f"a misfit of {its.misfit:.0f} on {its.freedom} degrees of freedom has probability "
-            f"{its.probability:.1g}"
+            f"a misfit of {its.misfit:.0f} on {its.freedom} degrees of freedom has a probability "
+            f"{chance}"
         )
     return "; ".join(reasons)
 

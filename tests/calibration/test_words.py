@@ -61,7 +61,7 @@ def test_a_wrong_model_is_said_first_and_marks_every_value() -> None:
     its = replace(its, warnings=warnings(its))
     first, *rest = in_words(its)
     assert first.startswith("The simulation does not fit: a misfit of 753 on 20 degrees")
-    assert "The values are those of a wrong model." in first
+    assert "has a probability below 0.001. The values are those of a wrong model." in first
     lines = [line for line in rest if " = " in line]
     assert len(lines) == 2
     assert all("of a wrong model" in line for line in lines)
