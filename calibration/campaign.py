@@ -13,9 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import qmc
 
-from calibration.likelihood import likelihood
+from calibration.likelihood import Likelihood, likelihood
 from calibration.observed import Observed
-from calibration.parts import EVERY_PART, Parts
 from calibration.posterior import LIVE, Posterior, prior_transform, sample, to_unit
 from calibration.recordings.case import Case
 from calibration.recordings.records import Noise
@@ -68,7 +67,6 @@ def calibrate(
     noises: Mapping[str, Noise],
     evaluate: Evaluate,
     runs: int,
-    parts: Parts = EVERY_PART,
 ) -> Campaign:
     """Fit the parameters of a case.
 
@@ -77,7 +75,6 @@ def calibrate(
         noises: measurement noise by channel.
         evaluate: makes runs, in the order given; the level is the name of the recording.
         runs: to be made in all.
-        parts: errors that count.
 
     Raises:
         ConfigError: if the runs are too few.
@@ -87,10 +84,10 @@ def calibrate(
     spread = round(FIRST * each)
     made, see = list(evaluate(_spread(case, spread))), seeing(case, noises)
     for number in range(ROUNDS):
-        so_far = fit(case, see, made, parts, live=ROUGH)
+        so_far = fit(case, see, made, live=ROUGH)
         count = (each - len(made) // len(case.fitted)) // (ROUNDS - number)
         made += evaluate(_refined(case, so_far.posterior, number, count, len(made)))
-    fitted = fit(case, see, made, parts, around=so_far.posterior.box)
+    fitted = fit(case, see, made, around=so_far.posterior.box)
     z = to_unit(case.parameters, fitted.posterior.draws)
     beside, last = predicted(case, see, evaluate, z, predictions_of_each(case, runs), len(made))
     return Campaign(fitted, beside, (*made, *last))
@@ -118,7 +115,6 @@ def fit(
     case: Case,
     see: See,
     made: Sequence[Evaluation],
-    parts: Parts,
     live: int = LIVE,
     around: Array | None = None,
 ) -> Fitted:
@@ -128,7 +124,6 @@ def fit(
         case: with the recordings.
         see: puts a recording in a row.
         made: the runs.
-        parts: errors that count.
         live: points of the sampler.
         around: box of a posterior of fewer runs, around which the later runs are.
     """
@@ -138,12 +133,17 @@ def fit(
         observations.append(seen)
         blocks = [block.size for block in seen.blocks]
         emulators.append(fit_series(to_unit(case.parameters, x), rows, blocks))
-    likely = likelihood(observations, emulators, parts)
+    likely = likelihood(observations, emulators)
     posterior = sample(likely, case.parameters, seed=case.seed, live=live, around=around)
-    residual, covariance = likely.residual(to_unit(case.parameters, posterior.best))
-    misfit = float(residual @ np.linalg.solve(covariance, residual))
-    freedom = max(1, len(residual) - len(case.parameters))
+    misfit, freedom = misfit_of(likely, posterior)
     return Fitted(tuple(observations), tuple(emulators), posterior, misfit, freedom)
+
+
+def misfit_of(likely: Likelihood, posterior: Posterior) -> tuple[float, int]:
+    """Chi-squared of the best parameters, and its degrees of freedom."""
+    residual, covariance = likely.residual(to_unit(posterior.parameters, posterior.best))
+    misfit = float(residual @ np.linalg.solve(covariance, residual))
+    return misfit, max(1, len(residual) - len(posterior.parameters))
 
 
 def _spread(case: Case, each: int) -> list[Candidate]:

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from calibration.observed import Observed
-from calibration.parts import EVERY_PART, Parts
+from calibration.parts import ALLOWANCE, EVERY_PART, Parts
 from mfopt.arrays import Array, frozen
 from surrogates.series import SeriesEmulator
 
@@ -120,7 +120,7 @@ def _group(
     slopes = _slopes(seen, emulator)
     basis = _basis(seen, emulator, slopes[-1:])
     k = len(emulator.components)
-    waves = parts.allowance * _waves(seen, emulator, channels)
+    waves = (ALLOWANCE if parts.allowance else 0.0) * _waves(seen, emulator, channels)
     own = basis @ (math.sqrt(1.0 - SHARED) * waves / emulator.scale[:, None])
     # Smaller than any error: keeps the covariance regular where nothing scatters.
     fixed = own @ own.T + 1e-8 * np.eye(len(basis))

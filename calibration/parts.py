@@ -1,7 +1,6 @@
 """The errors that a fit allows for, by name."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 from mfopt.errors import ConfigError
 
@@ -18,22 +17,19 @@ class Parts:
     emulator: bool = True
     constant: bool = True  # zero and scale
     clock: bool = True
-    allowance: float = ALLOWANCE  # [scatters of one run]; 0: none
+    allowance: bool = True  # for the difference between engine and reality
 
 
 EVERY_PART = Parts()
 ERRORS = tuple(f.name for f in fields(Parts))
 
 
-def parts_without(names: Sequence[str]) -> Parts:
-    """Every error but these.
+def without(error: str) -> Parts:
+    """Every error but this.
 
     Raises:
         ConfigError: if there is no such error.
     """
-    for name in names:
-        if name not in ERRORS:
-            raise ConfigError(f"there is no error {name!r}; choose from {', '.join(ERRORS)}")
-    kept = {name: name not in names for name in ERRORS}
-    allowance = ALLOWANCE if kept.pop("allowance") else 0.0
-    return Parts(**kept, allowance=allowance)
+    if error not in ERRORS:
+        raise ConfigError(f"there is no error {error!r}; choose from {', '.join(ERRORS)}")
+    return replace(EVERY_PART, **{error: False})

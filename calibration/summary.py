@@ -15,12 +15,12 @@ from calibration.recordings.records import Noise, Recording
 from calibration.runs import Predicted
 from calibration.words import (
     DETERMINED,
-    FAR,
     MISFIT,
     check_in_words,
     combinations,
     further,
     in_words,
+    too_far,
     trade_offs,
     warnings,
 )
@@ -32,6 +32,7 @@ from mfopt.records.calibration import (
     Edge,
     EmulatorCheck,
     Found,
+    LeftOut,
     Measured,
     Recorded,
     Summary,
@@ -53,6 +54,7 @@ def summary(
     noises: Mapping[str, Noise],
     channels: Mapping[str, Channel],
     advice: tuple[Advice, ...] = (),
+    without: tuple[LeftOut, ...] = (),
 ) -> Summary:
     """Sum up a calibration."""
     fitted = campaign.fitted
@@ -60,7 +62,6 @@ def summary(
     prior = _prior_draws(case)
     probability = float(chi2.sf(fitted.misfit, fitted.freedom))
     beside = tuple(c for p in campaign.predicted for c in compared(p, _scatter(fitted), channels))
-    near = all(c.error <= FAR for c in beside if not c.held_out)
     made = Summary(
         name=case.name,
         parameters=_found(posterior, problem, prior),
@@ -73,7 +74,7 @@ def summary(
         misfit=fitted.misfit,
         freedom=fitted.freedom,
         probability=probability,
-        fits=probability >= MISFIT and near,
+        fits=probability >= MISFIT and not too_far(beside),
         recordings=tuple(map(_recorded, case.recordings)),
         compared=beside,
         noise=tuple(_measured(noise, channels[name].unit) for name, noise in noises.items()),
@@ -81,6 +82,7 @@ def summary(
         failed=sum(not outcome.finished for outcome in outcomes),
         cpu_s=sum(outcome.cpu_s for outcome in outcomes),
         emulators=_checked(campaign, case),
+        without=without,
         advice=advice,
         further=[],
         warnings=[],

@@ -1,11 +1,13 @@
 """What a calibration found, in words: warnings first, one sentence or two a line."""
 
 import math
+from collections.abc import Sequence
 from itertools import combinations as pairs_of
 
 import numpy as np
+from scipy.stats import norm
 
-from mfopt.records.calibration import Compared, EmulatorCheck, Found, Summary
+from mfopt.records.calibration import Compared, EmulatorCheck, Found, LeftOut, Summary
 
 DETERMINED = 0.5  # of the prior's interval: a narrower posterior says something
 WELL_DETERMINED = 0.25  # of the prior's standard deviation, of a combination
@@ -14,7 +16,6 @@ NAMED = 0.2  # of the largest weight: smaller ones are left out of a combination
 HARDLY = 0.85  # of an interval: a recording that leaves more tells hardly anything
 # A correlation r leaves sqrt(1 - r^2) of an interval once the other parameter is known: here half.
 STRONG = math.sqrt(0.75)
-FAR = 2.0  # times what is explained: single differences are beyond in 5 % of cases if all is right
 
 
 def in_words(its: Summary) -> list[str]:
@@ -25,10 +26,24 @@ def in_words(its: Summary) -> list[str]:
         *its.combinations,
         *its.trade_offs,
         *its.further,
+        *(without_in_words(its, fit) for fit in its.without),
         *map(error_in_words, its.compared),
         *its.check,
         f"{its.runs} simulations, {its.failed} failed, {its.cpu_s:.0f} s of CPU",
     ]
+
+
+def without_in_words(its: Summary, fit: LeftOut) -> str:
+    """What an error does to the intervals."""
+    parts = []
+    for p in its.parameters:
+        low, high = fit.intervals[p.name]
+        ratio = (high - low) / (p.interval[1] - p.interval[0])
+        parts.append(f"{p.name} {low:.3g} to {high:.3g}{_unit(p)}, {100 * ratio:.0f} % as wide")
+    return (
+        f"Without the error {fit.error}: {'; '.join(parts)}; misfit {fit.misfit:.0f} instead of "
+        f"{its.misfit:.0f} on {its.freedom} degrees of freedom"
+    )
 
 
 def warnings(its: Summary) -> list[str]:
@@ -48,8 +63,7 @@ def _why_not(its: Summary) -> str:
     reasons = [
         f"{c.recording}, {c.channel}, is {c.error:.1f} times as far from the simulation as noise, "
         "scatter and stated errors explain"
-        for c in sorted(its.compared, key=lambda c: -c.error)
-        if not c.held_out and c.error > FAR
+        for c in sorted(too_far(its.compared), key=lambda c: -c.error)
     ][:1]
     if its.probability < MISFIT:
         chance = "below 0.001" if its.probability < 1e-3 else f"of {its.probability:.1g}"
@@ -58,6 +72,16 @@ def _why_not(its: Summary) -> str:
             f"{chance}"
         )
     return "; ".join(reasons)
+
+
+def too_far(compared: Sequence[Compared]) -> list[Compared]:
+    """Fitted channels whose simulation is farther off than chance explains.
+
+    The points of a channel may move as one, so the error of a right model is the size of a standard
+    normal number. One in so many channels is beyond the limit with the probability `MISFIT`.
+    """
+    fitted = [c for c in compared if not c.held_out]
+    return [c for c in fitted if c.error > norm.isf(MISFIT / 2.0 / len(fitted))]
 
 
 def _at_the_edge(its: Found, *, fits: bool) -> str:

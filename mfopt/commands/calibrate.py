@@ -10,7 +10,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from calibration.parts import ERRORS, Parts, parts_without
+from calibration.parts import ERRORS, without
 from mfopt.arrays import frozen
 from mfopt.campaign.begin import begin, check_disk
 from mfopt.campaign.driver import Driver
@@ -56,7 +56,8 @@ def calibrate(
         Method, typer.Option(help="posterior: with intervals; lbfgsb: least squares, to compare")
     ] = Method.POSTERIOR,
     leave_out: Annotated[
-        list[str] | None, typer.Option(help=f"an error that shall not count: {', '.join(ERRORS)}")
+        list[str] | None,
+        typer.Option(help=f"fit also as if this error did not exist: {', '.join(ERRORS)}"),
     ] = None,
     advise: Annotated[
         bool, typer.Option(help="simulate further experiments and say which would tell most")
@@ -74,7 +75,10 @@ def calibrate(
 
     on = console(quiet=quiet or as_json)
     parts = assemble_case(case_file)
-    errors = parts_without(leave_out or ())
+    for error in leave_out or ():
+        without(error)
+    if leave_out and method is not Method.POSTERIOR:
+        raise ConfigError("--leave-out needs the method posterior")
     if method is Method.POSTERIOR:
         runs_of_each(parts.case, runs)
     if advise and (method is not Method.POSTERIOR or not parts.possible):
@@ -92,7 +96,7 @@ def calibrate(
     with full_disk_named(path), writing(path):
         if isinstance(parts.rig, SceneRig):
             prepare(lambda: on.print("compiling the grain engine, once: about 30 s"))
-        meant = {"runs": runs, "method": method.value, "left out": sorted(leave_out or ())}
+        meant = {"runs": runs, "method": method.value}
         now = _header(parts, COMPARED, meant, count)
         into = begin(path, parts.text, now, resume=resume, criteria=COMPARED)
         columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(),
@@ -107,7 +111,9 @@ def calibrate(
 
             driver = Driver(parts.problem, Memory(into), runner, count, watch, {})
             try:
-                result, words, found = _found(parts, driver, runs, method, errors, advise=advise)
+                result, words, found = _found(
+                    parts, driver, runs, method, leave_out or (), advise=advise
+                )
             finally:
                 runner.close()
         if into.end is None:
@@ -129,7 +135,7 @@ def _found(
     driver: Driver,
     runs: int,
     method: Method,
-    errors: Parts,
+    leave_out: Sequence[str],
     *,
     advise: bool,
 ) -> tuple[str, list[str], records.Summary | None]:
@@ -137,6 +143,7 @@ def _found(
     from calibration.advice import advise as told_most
     from calibration.campaign import calibrate as fitted_to
     from calibration.least_squares import fit_least_squares, least_squares_summary
+    from calibration.left_out import fits_without
     from calibration.summary import summary
 
     def evaluate(candidates: Sequence[Candidate]) -> list[Evaluation]:
@@ -149,14 +156,17 @@ def _found(
         found = fit_least_squares(parts.case, parts.noises, evaluate, runs)
         its = least_squares_summary(found, parts.case, parts.rig.channels)
         return its.as_json, its.in_words, None
-    campaign = fitted_to(parts.case, parts.noises, evaluate, runs, errors)
+    campaign = fitted_to(parts.case, parts.noises, evaluate, runs)
     advice: tuple[records.Advice, ...] = ()
     if advise:
         advice, _ = told_most(
             parts.case, [level.name for level in parts.possible], campaign.fitted.posterior,
             parts.noises, further, len(campaign.evaluations),
         )  # fmt: skip
-    result = summary(campaign, parts.case, parts.problem, parts.noises, parts.rig.channels, advice)
+    others = fits_without(campaign.fitted, leave_out, seed=parts.case.seed)
+    result = summary(
+        campaign, parts.case, parts.problem, parts.noises, parts.rig.channels, advice, others
+    )
     return records.as_json(result), result.words, result
 
 

@@ -100,6 +100,15 @@ class EmulatorCheck:
 
 
 @dataclass(frozen=True, slots=True)
+class LeftOut:
+    """A fit of the same runs in which one error does not count."""
+
+    error: str
+    intervals: Mapping[str, tuple[float, float]]  # 90 %, by parameter
+    misfit: float
+
+
+@dataclass(frozen=True, slots=True)
 class Advice:
     """What the recording of one possible experiment would tell."""
 
@@ -131,6 +140,7 @@ class Summary:
     failed: int
     cpu_s: float
     emulators: tuple[EmulatorCheck, ...]  # two of each fitted recording
+    without: tuple[LeftOut, ...]  # fits without an error; empty if they were not asked for
     advice: tuple[Advice, ...]  # on further recordings; empty if it was not asked for
     further: list[str]  # which further recording would determine what is open; in words
     warnings: list[str]  # why the values may be wrong; in words

@@ -30,6 +30,8 @@ def context(given: RunDirectory, found: Summary) -> dict[str, Any]:
         "further": [sentences.typeset(line) for line in its.further],
         "advice_head": tables.advice_head(its),
         "advice": tables.advice(its),
+        "without_head": tables.without_head(its),
+        "without": tables.without(its) if its.without else [],
         "check": [sentences.typeset(line) for line in its.check],
         "emulators": tables.emulators(its.emulators),
         "errors": tables.errors(its.compared),

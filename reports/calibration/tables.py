@@ -112,6 +112,30 @@ def advice(its: Summary) -> list[list[str]]:
     ]
 
 
+def without_head(its: Summary) -> list[str]:
+    """Head of the table of fits without an error."""
+    return ["error", *(p.name for p in its.parameters), "misfit"]
+
+
+def without(its: Summary) -> list[list[str]]:
+    """Error, interval of each parameter without it, misfit; with all errors in the first row."""
+    rows = [("none", {p.name: p.interval for p in its.parameters}, its.misfit)]
+    rows += [(w.error, dict(w.intervals), w.misfit) for w in its.without]
+    return [
+        [
+            error,
+            *(_between(p, *intervals[p.name]) for p in its.parameters),
+            number(misfit, 2),
+        ]
+        for error, intervals, misfit in rows
+    ]
+
+
+def _between(its: Found, low: float, high: float) -> str:
+    unit = of_parameter(its)
+    return with_unit(f"{resolved(low, its)} to {resolved(high, its)}", unit)
+
+
 def emulators(its: Sequence[EmulatorCheck]) -> list[list[str]]:
     """Recording, runs, how many, hits of the 90 % intervals, mean square, its limit, error."""
     return [

@@ -7,6 +7,7 @@ import pytest
 from toy_rig import SCATTER, TIMES, Tank, level_of
 
 from calibration.campaign import Campaign, calibrate, runs_of_each
+from calibration.left_out import fits_without
 from calibration.likelihood import likelihood, with_scores
 from calibration.parts import EVERY_PART, Parts
 from calibration.posterior import to_unit
@@ -60,9 +61,9 @@ def evaluate(candidates: Sequence[Candidate], case: Case) -> list[Evaluation]:
     return made
 
 
-def campaign_of(case: Case, runs: int = 100, parts: Parts | None = None) -> Campaign:
+def campaign_of(case: Case, runs: int = 100) -> Campaign:
     noises = {"level": measurement_noise(case.recordings, "level", case.measurement.of("level"))}
-    return calibrate(case, noises, lambda c: evaluate(c, case), runs, parts or Parts())
+    return calibrate(case, noises, lambda c: evaluate(c, case), runs)
 
 
 @pytest.fixture(scope="module")
@@ -100,8 +101,8 @@ def test_a_clock_that_is_wrong_by_more_than_stated_does_not_fit() -> None:
     # A slow clock alone looks like a larger rate; the two fills contradict each other in the end.
     truth = frozen([0.35, 0.03])
     stated = Measurement(clock_error=0.0)
-    strict = campaign_of(case_of(truth, 1, stated, clock=1.25), parts=Parts(allowance=0.0))
-    right = campaign_of(case_of(truth, 1, stated), parts=Parts(allowance=0.0))
+    strict = campaign_of(case_of(truth, 1, stated, clock=1.25))
+    right = campaign_of(case_of(truth, 1, stated))
     off = np.abs(strict.fitted.posterior.mean - truth)
     assert off[0] > 2.0 * np.abs(right.fitted.posterior.mean - truth)[0]
 
@@ -169,9 +170,20 @@ def test_each_part_of_the_errors_lowers_the_certainty(
     assert whole.parts == EVERY_PART
     spread = np.linalg.slogdet(whole.residual(z)[1])[1]
     for part in ({"packing": False}, {"measurement": False}, {"emulator": False},
-                 {"allowance": 0.0}):  # fmt: skip
+                 {"allowance": False}):  # fmt: skip
         less = likelihood(fitted.observations, fitted.emulators, Parts(**part))
         assert np.linalg.slogdet(less.residual(z)[1])[1] < spread, part
     # The emulator's own mean, taken as the recording, leaves no residual.
     mean = whole.scores - whole.residual(z)[0]
     assert np.abs(with_scores(whole, mean).residual(z)[0]).max() < 1e-12
+
+
+def test_an_error_that_is_left_out_narrows_what_it_had_widened(truths: list[Array]) -> None:
+    fitted = campaign_of(case_of(truths[0], 1, Measurement(clock_error=0.1))).fitted
+    clock, packing = fits_without(fitted, ["clock", "packing", "clock"], seed=1)
+    low, high = fitted.posterior.interval()[0]
+    assert (clock.error, packing.error) == ("clock", "packing")
+    # The clock hides the rate; the scatter of this tank is small beside it.
+    assert np.ptp(clock.intervals["rate"]) < 0.7 * (high - low)
+    assert np.ptp(packing.intervals["rate"]) > 0.7 * (high - low)
+    assert min(clock.misfit, packing.misfit) > 0.0

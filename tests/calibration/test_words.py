@@ -13,10 +13,11 @@ from calibration.words import (
     further,
     in_words,
     parameter_in_words,
+    too_far,
     trade_offs,
     warnings,
 )
-from mfopt.records.calibration import Advice, Compared, EmulatorCheck, Found, Summary
+from mfopt.records.calibration import Advice, Compared, EmulatorCheck, Found, LeftOut, Summary
 
 
 def found(name: str, **changed: Any) -> Found:
@@ -42,7 +43,8 @@ def summary(**changed: Any) -> Summary:
         combinations=[], trade_offs=[], correlation=[[1.0, 0.1], [0.1, 1.0]], draws=[],
         log_evidence=0.0, misfit=20.0, freedom=20, probability=0.5, fits=True, recordings=(),
         compared=(compared(1.0),), noise=(), runs=80, failed=0, cpu_s=1.0,
-        emulators=(check(fresh=False), check(fresh=True)), advice=(), further=[], warnings=[],
+        emulators=(check(fresh=False), check(fresh=True)), without=(), advice=(), further=[],
+        warnings=[],
         check=[], words=[],
     )  # fmt: skip
     return replace(its, **changed)
@@ -68,9 +70,9 @@ def test_a_wrong_model_is_said_first_and_marks_every_value() -> None:
 
 
 def test_a_fitted_recording_that_is_far_off_is_named() -> None:
-    its = summary(fits=False, compared=(compared(1.0), compared(2.4), compared(9.0, held_out=True)))
+    its = summary(fits=False, compared=(compared(1.0), compared(3.4), compared(9.0, held_out=True)))
     (line,) = warnings(its)
-    assert "slot, level, is 2.4 times as far from the simulation" in line
+    assert "slot, level, is 3.4 times as far from the simulation" in line
     assert "misfit" not in line
 
 
@@ -141,3 +143,20 @@ def test_the_recording_that_tells_most_is_said() -> None:
         "To determine quadratic, record next: b; its interval would shrink to 40 %"
     ]
     assert "--advise" in further(replace(its, advice=()))[0]
+
+
+def test_an_error_of_several_channels_counts_beyond_what_chance_explains() -> None:
+    # 1 % over two channels is 2.81 standard deviations, over one 2.58.
+    assert [c.error for c in too_far([compared(2.7)])] == [2.7]
+    assert too_far([compared(2.7), compared(1.0), compared(9.0, held_out=True)]) == []
+
+
+def test_a_fit_without_an_error_says_how_much_narrower_intervals_are() -> None:
+    its = summary(
+        without=(LeftOut("clock", {"linear": (0.35, 0.39), "quadratic": (0.3, 0.42)}, 50.0),)
+    )
+    line = next(line for line in in_words(its) if "Without" in line)
+    assert line == (
+        "Without the error clock: linear 0.35 to 0.39, 50 % as wide; quadratic 0.3 to 0.42, "
+        "150 % as wide; misfit 50 instead of 20 on 20 degrees of freedom"
+    )

@@ -1,6 +1,7 @@
 """`mfopt calibrate` on coarse beads: it ends with a result, goes on where it stopped, refuses."""
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -72,6 +73,37 @@ def test_a_run_that_is_whole_is_not_made_again(case: Path, done: Path) -> None:
     assert CliRunner().invoke(app, given).exit_code == 0
     assert (done / "journal.jsonl").read_bytes() == before
     assert (done / "calibration.json").read_bytes() == told
+
+
+def test_an_error_is_left_out_of_runs_that_are_there(
+    case: Path, done: Path, tmp_path: Path
+) -> None:
+    copied = tmp_path / "run"
+    shutil.copytree(done, copied)
+    given = ["calibrate", str(case), "-d", str(copied), *COARSE, "--resume", "--leave-out", "clock"]
+    result = CliRunner().invoke(app, given)
+    assert result.exit_code == 0, result.output
+    assert (copied / "journal.jsonl").read_bytes() == (done / "journal.jsonl").read_bytes()
+    (fit,) = json.loads((copied / "calibration.json").read_text())["without"]
+    assert fit["error"] == "clock"
+    assert "Without the error clock: friction" in result.output
+    assert "What each error does" in (copied / "report.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (["--leave-out", "clok"], "packing, measurement, emulator"),
+        (["--leave-out", "clock", "--method", "lbfgsb"], "--leave-out needs the method posterior"),
+    ],
+)
+def test_an_error_that_cannot_be_left_out_is_named(
+    tmp_path: Path, given: list[str], said: str
+) -> None:
+    called = ["calibrate", str(EXAMPLE / "case.toml"), "-d", str(tmp_path / "run"), *given]
+    result = CliRunner().invoke(app, called)
+    assert result.exit_code == 2
+    assert said in " ".join(result.output.split())
 
 
 def test_a_calibration_is_not_taken_for_a_study(done: Path) -> None:

@@ -80,7 +80,7 @@ def summary(*parameters: Found) -> Summary:
         "glass-beads", parameters, directions=(), combinations=[], trade_offs=[],
         correlation=[], draws=[],
         log_evidence=0.0, misfit=9.0, freedom=9, probability=0.4, fits=True, recordings=(),
-        compared=(), noise=(), runs=200, failed=0, cpu_s=1.0, emulators=(), advice=(),
+        compared=(), noise=(), runs=200, failed=0, cpu_s=1.0, emulators=(), without=(), advice=(),
         further=[], warnings=[], check=[], words=[],
     )  # fmt: skip
 

@@ -15,6 +15,7 @@ from mfopt.records.calibration import (
     Direction,
     EmulatorCheck,
     Found,
+    LeftOut,
     Measured,
     Recorded,
     Summary,
@@ -86,12 +87,19 @@ def summary(**changed: Any) -> Summary:
         runs=4, failed=1, cpu_s=8.0,
         emulators=(EmulatorCheck("slot 30 mm", False, 40, 0.93, 0.8, 1.2, 1.1),
                    EmulatorCheck("slot 30 mm", True, 6, 0.88, 1.1, 1.6, 1.3)),
+        without=(),
         advice=(),
         further=["To determine restitution, record next: a heap"], warnings=[],
         check=["The emulators know their errors"], words=["friction = 0.37"],
     )  # fmt: skip
     its = replace(its, **changed)
-    return its if "advice" in changed else replace(its, advice=advice(its.parameters))
+    more = {"advice": advice(its.parameters), "without": without(its.parameters)}
+    return replace(its, **{key: value for key, value in more.items() if key not in changed})
+
+
+def without(parameters: tuple[Found, ...]) -> tuple[LeftOut, ...]:
+    """A fit without one error."""
+    return (LeftOut("clock", {p.name: p.interval for p in parameters}, 77.0),)
 
 
 def advice(parameters: tuple[Found, ...]) -> tuple[Advice, ...]:

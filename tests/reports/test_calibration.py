@@ -44,6 +44,7 @@ SAID = (
     "the bottom fell out", "spread over the ranges", "draws of the posterior", "Residuals",
     "What to record next", "To determine restitution, record next: a heap.", "31 %", "92 %",
     "Check of the emulators", "The emulators know their errors.", "left out", "1.60",
+    "What each error does", "clock", "77", "0.330 to 0.410",
     "What the recordings leave possible", 'name = "invented"',
 )  # fmt: skip
 
