@@ -181,7 +181,8 @@ class SceneRig:
         if kind != self.scene:
             main = self._settings(self.scene, {}).model_dump()
             same = {key: main[key] for key in OF_GRAINS if main.get(key)}
-        own = with_conditions({**self.grains, **same, **self.settings.get(kind, {})}, conditions)
+        own = merged(merged(self.grains, same), self.settings.get(kind, {}))
+        own = with_conditions(own, conditions)
         return settings_of(read_scene(self.scenes[kind], own, {}, f"scene {kind}"))
 
 
@@ -245,6 +246,18 @@ def settings_of(scene: Scene) -> PortionSettings:
             "derive them from `PortionSettings`"
         )
     return scene.settings
+
+
+def merged(first: Mapping[str, Any], then: Mapping[str, Any]) -> dict[str, Any]:
+    """Both tables; where both have a value the second one counts, key by key in tables of them."""
+    made = dict(first)
+    for key, value in then.items():
+        there = made.get(key)
+        if isinstance(there, Mapping) and isinstance(value, Mapping):
+            made[key] = merged(there, value)
+        else:
+            made[key] = value
+    return made
 
 
 def with_conditions(own: Mapping[str, Any], conditions: Mapping[str, Any]) -> dict[str, Any]:

@@ -185,3 +185,10 @@ def test_a_scene_without_a_portion_cannot_be_calibrated() -> None:
     its = SceneRig({"ramp": Ramp}, "ramp", {}, {}, {}, NumbaEngine())
     with pytest.raises(ConfigError, match="'ramp' cannot be calibrated: its settings have no port"):
         _ = its.channels
+
+
+def test_a_table_of_a_scene_changes_single_values_of_the_grains() -> None:
+    tables = {"discharge": {"grain": {"density_kg_m3": 1200.0}}}
+    grains = {"grain": {"density_kg_m3": 1500.0, "friction_angle_deg": 25.0}}
+    grain = level(rig("discharge", tables, grains=grains), {}).settings["grain"]
+    assert (grain["density_kg_m3"], grain["friction_angle_deg"]) == (1200.0, 25.0)
