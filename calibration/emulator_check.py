@@ -54,31 +54,47 @@ def check_emulators(
         fresh = finished(made, recording)
         x = np.array([e.candidate.x for e in fresh])
         rows = np.array([seen.row(e.outcome.raw) for e in fresh])
-        checks.append(check_left_out(seen.name, emulator, chance))
-        checks.append(check_fresh(seen.name, emulator, to_unit(case.parameters, x), rows, chance))
+        z, noise = to_unit(case.parameters, x), _measured(seen, emulator)
+        checks.append(check_left_out(seen.name, emulator, chance, noise))
+        checks.append(check_fresh(seen.name, emulator, z, rows, chance, noise))
     return tuple(checks)
 
 
-def check_left_out(name: str, emulator: SeriesEmulator, chance: float) -> EmulatorCheck:
-    """Each run of the fit, predicted from all others."""
+def _measured(seen: Observed, emulator: SeriesEmulator) -> float:
+    """Mean variance of what is measured, in units of the emulator's scale."""
+    variance = np.diag(seen.measured) + np.sum(seen.constant**2, axis=1)
+    return float(np.mean(variance / emulator.scale**2))
+
+
+def check_left_out(
+    name: str, emulator: SeriesEmulator, chance: float, noise: float
+) -> EmulatorCheck:
+    """Each run of the fit, predicted from all others.
+
+    Args:
+        name: of the recording.
+        emulator: of the recording's conditions.
+        chance: probability of a false alarm.
+        noise: mean variance of what is measured, in units of the emulator's scale.
+    """
     errors, covariance = emulator.scores.left_out_errors()
     # The likelihood takes the noise of replicates where that is larger.
     more = np.diag(emulator.noise) - emulator.scores.noise
     covariance = covariance + more[:, None, None] * np.eye(len(errors))
     beyond = emulator.beyond
-    return _check(name, emulator, errors, covariance, beyond, chance, fresh=False)
+    return _check(name, emulator, errors, covariance, beyond, chance, noise, fresh=False)
 
 
 def check_fresh(
-    name: str, emulator: SeriesEmulator, z: Array, rows: Array, chance: float
+    name: str, emulator: SeriesEmulator, z: Array, rows: Array, chance: float, noise: float
 ) -> EmulatorCheck:
     """Runs (m, p) at parameters (m, d) in the unit cube, predicted."""
     scores = emulator.project(rows)
     errors = scores - emulator.predict(z)[0]
-    noise = np.diag(emulator.noise)[:, None, None] * np.eye(len(z))
-    covariance = emulator.scores.covariance(z) + noise
+    packing = np.diag(emulator.noise)[:, None, None] * np.eye(len(z))
+    covariance = emulator.scores.covariance(z) + packing
     beyond = (rows - emulator.series(scores)) / emulator.scale
-    return _check(name, emulator, errors, covariance, beyond, chance, fresh=True)
+    return _check(name, emulator, errors, covariance, beyond, chance, noise, fresh=True)
 
 
 def _check(
@@ -88,6 +104,7 @@ def _check(
     covariance: Array,
     beyond: Array,
     chance: float,
+    noise: float,
     *,
     fresh: bool,
 ) -> EmulatorCheck:
@@ -97,7 +114,7 @@ def _check(
     freedom = _freedom(covariance, _between(emulator))
     runs, parameters = emulator.scores.z.shape
     of_noise = max(runs - parameters - FITTED, 1) * freedom / len(errors)
-    scatter = np.mean((emulator.scatter() / emulator.scale) ** 2)
+    blur = np.mean((emulator.scatter() / emulator.scale) ** 2) + noise
     away = np.mean((errors @ emulator.components + beyond) ** 2)
     return EmulatorCheck(
         recording=name,
@@ -106,7 +123,7 @@ def _check(
         held=float(np.mean(np.abs(z) <= norm.ppf(0.5 + LEVEL / 2.0))),
         squared=float(np.mean(z**2)),
         by_chance=float(fisher.isf(chance, freedom, of_noise)),
-        error=float(np.sqrt(away / scatter)) if scatter > 0.0 else 0.0,
+        error=float(np.sqrt(away / blur)) if blur > 0.0 else 0.0,
     )
 
 

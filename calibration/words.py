@@ -39,7 +39,8 @@ def without_in_words(its: Summary, fit: LeftOut) -> str:
     for p in its.parameters:
         low, high = fit.intervals[p.name]
         ratio = (high - low) / (p.interval[1] - p.interval[0])
-        parts.append(f"{p.name} {low:.3g} to {high:.3g}{_unit(p)}, {100 * ratio:.0f} % as wide")
+        shown = " to ".join(f"{v:.{_digits((low, high))}g}" for v in (low, high))
+        parts.append(f"{p.name} {shown}{_unit(p)}, {100 * ratio:.0f} % as wide")
     return (
         f"Without the error {fit.error}: {'; '.join(parts)}; misfit {fit.misfit:.0f} instead of "
         f"{its.misfit:.0f} on {its.freedom} degrees of freedom"

@@ -91,7 +91,7 @@ class EmulatorCheck:
     held: float  # share of the 90 % intervals of its scores that hold the run
     squared: float  # mean square of run less prediction over its standard deviation; 1: as it says
     by_chance: float  # the largest `squared` that chance explains
-    error: float  # rms of run less prediction over the scatter of one run; 1: nothing but scatter
+    error: float  # rms of run less prediction over scatter of one run and measurement noise
 
     @property
     def too_sure(self) -> bool:

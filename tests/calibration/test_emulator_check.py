@@ -11,6 +11,7 @@ from surrogates.series import SeriesEmulator, fit_series
 
 TIMES = np.linspace(0.0, 1.0, 20)
 CHANCE = 0.005
+NOISE = 0.0  # nothing is measured
 
 
 def runs(z: Array, rng: np.random.Generator) -> Array:
@@ -44,8 +45,8 @@ def test_right_emulators_pass(emulators: list[SeriesEmulator]) -> None:
         check
         for seed, emulator in enumerate(emulators)
         for check in (
-            check_left_out("a", emulator, CHANCE),
-            check_fresh("a", emulator, *fresh_runs(100 + seed), CHANCE),
+            check_left_out("a", emulator, CHANCE, NOISE),
+            check_fresh("a", emulator, *fresh_runs(100 + seed), CHANCE, NOISE),
         )
     ]
     assert not any(c.too_sure for c in checks)
@@ -72,14 +73,14 @@ def test_an_emulator_that_takes_a_third_of_the_variance_is_found(
 ) -> None:
     for seed, emulator in enumerate(emulators):
         wrong = too_sure(emulator, 1.0 / 3.0)
-        check = check_left_out("a", wrong, CHANCE)
+        check = check_left_out("a", wrong, CHANCE, NOISE)
         assert check.too_sure
         assert check.squared == pytest.approx(
-            3.0 * check_left_out("a", emulator, CHANCE).squared, rel=1e-6
+            3.0 * check_left_out("a", emulator, CHANCE, NOISE).squared, rel=1e-6
         )
         assert check.held < 0.85
         z, rows = fresh_runs(200 + seed, 20)
-        assert check_fresh("a", wrong, z, rows, CHANCE).too_sure
+        assert check_fresh("a", wrong, z, rows, CHANCE, NOISE).too_sure
 
 
 def test_a_mean_that_is_off_where_the_posterior_is_shows_in_fresh_runs_only(
@@ -88,11 +89,11 @@ def test_a_mean_that_is_off_where_the_posterior_is_shows_in_fresh_runs_only(
     for seed, emulator in enumerate(emulators):
         z, rows = fresh_runs(300 + seed)
         moved = rows + 0.15 * TIMES  # the simulator does there what no run of the fit showed
-        check = check_fresh("a", emulator, z, moved, CHANCE)
+        check = check_fresh("a", emulator, z, moved, CHANCE, NOISE)
         assert check.too_sure
         assert check.held < 0.85
         assert check.error > 1.5
-        assert not check_left_out("a", emulator, CHANCE).too_sure
+        assert not check_left_out("a", emulator, CHANCE, NOISE).too_sure
 
 
 def test_errors_of_the_stated_covariance_warn_as_often_as_stated() -> None:
