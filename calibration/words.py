@@ -164,6 +164,8 @@ def further(its: Summary) -> list[str]:
     open_ones = [p.name for p in its.parameters if p.asked and not p.determined]
     if not open_ones:
         return []
+    if not its.fits:
+        return ["What to record next is not said: first make the simulation fit"]
     if not its.advice:
         return ["Which further recording would determine them: mfopt calibrate with --advise"]
     lines = []

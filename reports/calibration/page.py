@@ -29,7 +29,7 @@ def context(given: RunDirectory, found: Summary) -> dict[str, Any]:
         "combinations": bool(its.combinations),
         "further": [sentences.typeset(line) for line in its.further],
         "advice_head": tables.advice_head(its),
-        "advice": tables.advice(its),
+        "advice": tables.advice(its) if its.fits else [],
         "without_head": tables.without_head(its),
         "without": tables.without(its) if its.without else [],
         "check": [sentences.typeset(line) for line in its.check],

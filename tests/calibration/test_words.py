@@ -160,3 +160,10 @@ def test_a_fit_without_an_error_says_how_much_narrower_intervals_are() -> None:
         "Without the error clock: linear 0.35 to 0.39, 50 % as wide; quadratic 0.3 to 0.42, "
         "150 % as wide; misfit 50 instead of 20 on 20 degrees of freedom"
     )
+
+
+def test_a_wrong_model_gives_no_advice() -> None:
+    advice = (Advice("a", {"linear": 0.3, "quadratic": 0.4}, 0),)
+    its = summary(parameters=(found("linear", determined=False),), advice=advice)
+    assert "record next: a" in further(its)[0]
+    assert "first make the simulation fit" in further(replace(its, fits=False))[0]
