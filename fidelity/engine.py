@@ -173,7 +173,8 @@ class Physics:
     damp_gravity: bool = False  # True: the damping also slows free fall, as in the paper
     gravity: float = 9.81  # [m/s2]
     gravity_direction: tuple[float, float, float] = (0.0, 0.0, -1.0)  # unit vector
-    timestep_factor: float = 0.6  # of r_min sqrt(density / E); numba scales its own alike
+    # Of r_min sqrt(density / E), and numba scales its own step alike; None: usual for the engine.
+    timestep_factor: float | None = None
     rolling_friction: float = 0.0  # [-] largest rolling moment over normal force and radius
     rolling_stiffness: float = 1.0  # [-] of the rolling spring, over kt R*^2 of the contact
     adhesion_energy: float = 0.0  # [J/m2] work of adhesion; pull-off 2 pi R times it

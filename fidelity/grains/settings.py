@@ -22,9 +22,6 @@ from mfopt.limits import (
 )
 from mfopt.settings import Settings
 
-# Usual `timestep_factor`. A Hertz contact is soft at small overlaps: up to 3 a discharge stays the
-# same (`benchmarks.engine.rig`).
-USUAL_STEP: Mapping[ContactLaw, float] = {"linear": 0.6, "hertz": 2.0}
 MILLI = 1e-3  # [m] in a mm, [s] in a ms
 GRAVITY = 9.81  # [m/s2]
 
@@ -74,7 +71,7 @@ class DemSettings(Settings):
     young_modulus_pa: Modulus = 1e6
     damping: Damping = 0.125  # paper, table 1
     damp_gravity: bool = False  # True: damping slows free fall too, as in the paper
-    timestep_factor: TimestepFactor | None = None  # of r_min sqrt(density / E); None: the scene's
+    timestep_factor: TimestepFactor | None = None  # of r_min sqrt(density / E); None: usual
     contact_law: ContactLaw = "linear"  # springs of Cundall and Strack, or Hertz and Mindlin
     restitution: Restitution | None = None  # needed by hertz
     # Effects of `fidelity.effects` by name, each with its parameters in SI units.
@@ -86,11 +83,10 @@ class DemSettings(Settings):
         """Contact and integration settings, with the gravity of the earth.
 
         A field here that has the name of one of `Physics` is passed on to the engine.
-        `usual_step` is the `timestep_factor` where the study gives none; None: that of the law.
+        `usual_step` is the `timestep_factor` where the study gives none; None: that of the engine.
         """
-        usual = USUAL_STEP[self.contact_law] if usual_step is None else usual_step
         names = {field.name for field in fields(Physics)} & DemSettings.model_fields.keys()
         given = {name: getattr(self, name) for name in names}
         if self.timestep_factor is None:
-            given["timestep_factor"] = usual
+            given["timestep_factor"] = usual_step
         return Physics(**given, gravity=GRAVITY)

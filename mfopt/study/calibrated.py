@@ -72,7 +72,6 @@ def _alike(its: Held, other: Held) -> bool:
     """Whether two are the same but for time step and rounding of the number of grains."""
     same = replace(
         its,
-        timestep_factor=other.timestep_factor,
         grain_length_mm=other.grain_length_mm,
         grain_width_mm=other.grain_width_mm,
     )

@@ -24,7 +24,6 @@ class Held:
     damp_gravity: bool  # False without damping
     restitution: float | None
     young_modulus_pa: float
-    timestep_factor: float
     friction: float  # coefficient between grains
     wall_friction: float  # of grains on walls
     density_kg_m3: float
@@ -50,7 +49,6 @@ def held(scene: Scene, x: Array, dem: DemSettings) -> Held:
         damp_gravity=physics.damp_gravity and physics.damping > 0.0,
         restitution=physics.restitution,
         young_modulus_pa=portion.grain_material.young_modulus,
-        timestep_factor=physics.timestep_factor,
         friction=math.tan(friction),
         wall_friction=math.tan(on_walls),
         density_kg_m3=portion.grain_material.density,

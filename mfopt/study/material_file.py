@@ -21,7 +21,6 @@ from mfopt.limits import (
     Restitution,
     SizeScatter,
     SpheresPerGrain,
-    TimestepFactor,
 )
 from mfopt.records.effect import complete
 from mfopt.settings import Settings, checked
@@ -54,7 +53,6 @@ class HeldSettings(Settings):
     damp_gravity: bool
     restitution: Restitution | None = None
     young_modulus_pa: ModulusRange  # of the simulated grains, from and to
-    timestep_factor: TimestepFactor
     friction: Friction  # between grains
     wall_friction: Friction  # of grains on walls
     density_kg_m3: Density
@@ -169,7 +167,6 @@ def material_text(its: MaterialSettings) -> str:
 COMMENTS: Mapping[str, str] = {
     "damping": "numerical",
     "young_modulus_pa": "of the simulated grains, from and to",
-    "timestep_factor": "not compared",
     "friction": "coefficient between grains",
     "wall_friction": "coefficient of grains on walls",
     "grain_length_mm": "of the simulated grains",

@@ -2,14 +2,17 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numba
 import pytest
-from engine_scenes import pile_in_box
+from engine_scenes import GRAIN_MATERIAL, WALL_MATERIAL, line_of, pile_in_box
 from numba.core.event import install_listener
 
+from fidelity.engine import Physics
 from fidelity.engines.numba import NumbaEngine, first_only, prepare
+from fidelity.engines.yade.engine import YadeEngine
 from fidelity.grains.settings import DemSettings
 from fidelity.level import SceneLevel
 from fidelity.scenes.dosing.design import dosing_problem
@@ -67,3 +70,14 @@ def test_the_time_limit_ends_a_run_however_short_its_step() -> None:
     movement = NumbaEngine(fixed_timestep=1e-14).move(setup, time_limit_s=0.1)
     assert movement.status == "timed_out"
     assert 0 < movement.sphere_steps < 2e7  # of 2e13 to the first look
+
+
+def test_the_usual_step_is_the_engines_own() -> None:
+    grain, soft, wall = line_of(3), GRAIN_MATERIAL, WALL_MATERIAL
+    hertz, linear = Physics(contact_law="hertz", restitution=0.6), Physics()
+    for physics, usual in ((hertz, 2.0), (linear, 0.6)):
+        given = replace(physics, timestep_factor=usual)
+        steps = [NumbaEngine().timestep(grain, soft, wall, its) for its in (physics, given)]
+        assert steps[0] == steps[1]
+    steps = [YadeEngine().timestep(grain, soft, wall, its) for its in (hertz, linear)]
+    assert steps[0] == steps[1]  # with a low restitution YADE is wrong at longer ones

@@ -77,3 +77,4 @@ def test_what_a_level_says_of_physics_reaches_the_engine() -> None:
         timestep_factor=1.7,
     )  # fmt: skip
     assert DemSettings(grains=9).physics(0.4).timestep_factor == 0.4
+    assert DemSettings(grains=9).physics().timestep_factor is None

@@ -24,6 +24,9 @@ PROGRAMS: dict[Precision, str] = {
 # Cost of a sphere-step relative to double precision, measured with Debian's yade 2023.02a.
 COST_FACTORS: dict[Precision, float] = {"double": 1.0, "longdouble": 5.0, "float128": 32.0}
 
+# Usual `Physics.timestep_factor`. At 1.3 a discharge of damped grains with a restitution of 0.32
+# was 23 % slower than at 0.6; with a restitution above 0.4 both agreed.
+USUAL_STEP = 0.6
 TRACE_PERIOD_S = 0.01  # simulated time between two files of a trace
 
 HAS = (  # of `Physics`
@@ -86,7 +89,8 @@ class YadeEngine:
         with steel walls, and a grain between a rim and an edge, 1.2 was and 1.8 was not always.
         """
         wave = math.sqrt(grain_material.density / grain_material.young_modulus)
-        return physics.timestep_factor * float(grain.radii.min()) * wave
+        factor = USUAL_STEP if physics.timestep_factor is None else physics.timestep_factor
+        return factor * float(grain.radii.min()) * wave
 
     def move(self, setup: Setup, *, time_limit_s: float) -> Movement:
         """Move the grains in a YADE of their own, with the time step of the smallest grain.
