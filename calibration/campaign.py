@@ -24,13 +24,15 @@ from calibration.runs import (
     Predicted,
     See,
     candidates,
+    check_times,
+    flaw,
     predicted,
     predictions_of_each,
     recording_with_runs,
     seeing,
 )
 from mfopt.arrays import Array
-from mfopt.errors import ConfigError
+from mfopt.errors import ConfigError, SimulationError
 from mfopt.records.evaluation import Candidate, Evaluation
 from surrogates.series import SeriesEmulator, fit_series
 
@@ -38,6 +40,9 @@ FIRST = 0.5  # of the runs that the emulators learn from are spread over the ran
 ROUNDS = 5  # in which the others are drawn from what the runs so far leave possible
 REPLICATED = 0.2  # of the parameters run twice
 FEWEST = 16  # runs that an emulator needs, before the posterior is run
+# Runs of an emulator. 1000 take a quarter of an hour to learn from on one core; ten times as many
+# would take a week and 30 GB.
+MOST = 1000
 WIDER = 1.5  # times as wide as the posterior are the later parameters drawn
 ROUGH = 40  # points of the sampler that decides where the later runs are
 
@@ -77,12 +82,18 @@ def calibrate(
         runs: to be made in all.
 
     Raises:
-        ConfigError: if the runs are too few.
-        SimulationError: if most runs of a recording fail.
+        ConfigError: if the runs are too few or too many, or recording and simulation have no time
+            in common.
+        SimulationError: if most runs of a recording fail, or no parameter changes anything.
     """
     each = runs_of_each(case, runs)
     spread = round(FIRST * each)
-    made, see = list(evaluate(_spread(case, spread))), seeing(case, noises)
+    planned, see = _spread(case, spread), seeing(case, noises)
+    made = list(evaluate(planned[: len(case.fitted)]))  # one run of each recording
+    for recording in case.fitted:
+        fine = [e for e in made if e.candidate.level == recording.name]
+        check_times(recording, [e for e in fine if flaw(e, recording) is None])
+    made += evaluate(planned[len(case.fitted) :])
     for number in range(ROUNDS):
         so_far = fit(case, see, made, live=ROUGH)
         count = (each - len(made) // len(case.fitted)) // (ROUNDS - number)
@@ -97,7 +108,7 @@ def runs_of_each(case: Case, runs: int) -> int:
     """Runs from which the emulator of each fitted recording learns.
 
     Raises:
-        ConfigError: if there are too few.
+        ConfigError: if there are too few, or too many to learn from.
     """
     if not case.fitted:
         raise ConfigError("all recordings are held out; fit at least one")
@@ -107,6 +118,13 @@ def runs_of_each(case: Case, runs: int) -> int:
         raise ConfigError(
             f"{runs} runs are too few for {len(case.fitted)} fitted recordings and "
             f"{len(case.held_out)} held out; give at least {least}"
+        )
+    if each > MOST:
+        most = MOST * len(case.fitted) + predictions_of_each(case, runs) * len(case.recordings)
+        raise ConfigError(
+            f"{runs} runs are too many for {len(case.fitted)} fitted recordings: an emulator "
+            f"learns from at most {MOST} runs, because the time grows with their cube; give at "
+            f"most {most}"
         )
     return each
 
@@ -127,9 +145,14 @@ def fit(
         live: points of the sampler.
         around: box of a posterior of fewer runs, around which the later runs are.
     """
+    beside = [recording_with_runs(recording, made, see) for recording in case.fitted]
+    if not any(np.ptp(rows, axis=0).any() for _, _, rows in beside):
+        raise SimulationError(
+            f"all {len(made)} runs give the same values, whatever "
+            f"{' and '.join(p.name for p in case.parameters)}; let the simulation use them"
+        )
     observations, emulators = [], []
-    for recording in case.fitted:
-        seen, x, rows = recording_with_runs(recording, made, see)
+    for seen, x, rows in beside:
         observations.append(seen)
         blocks = [block.size for block in seen.blocks]
         emulators.append(fit_series(to_unit(case.parameters, x), rows, blocks))

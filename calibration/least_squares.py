@@ -148,7 +148,7 @@ class Squares:
 
     def _square(self, its: Evaluation) -> float:
         recording = next(r for r in self.case.fitted if r.name == its.candidate.level)
-        if flaw(its, [*recording.channels, *recording.scalars]) is not None:
+        if flaw(its, recording) is not None:
             return np.inf
         if recording.name not in self.seen:
             measurement, end = self.case.measurement, end_of([its])

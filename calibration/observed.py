@@ -100,7 +100,7 @@ def observed(
     blocks, means, covariances = [], [], []
     for channel in recording.channels:
         series = [r.series[channel] for r in recording.repeats if channel in r.series]
-        times = _points(recording, channel, end)
+        times = points_in_time(recording, channel, end)
         used = [~s.clipped & (s.times <= end) for s in series]
         samples = [s.times[its] for s, its in zip(series, used, strict=True)]
         operators = [_averaging(at, times) for at in samples]
@@ -133,7 +133,12 @@ def observed(
     )
 
 
-def _points(recording: Recording, channel: str, end: float) -> Array:
+def points_in_time(recording: Recording, channel: str, end: float) -> Array:
+    """Points [s] at which a series is compared with a simulation until `end` [s].
+
+    Raises:
+        ConfigError: if they have no time in common.
+    """
     series = [r.series[channel] for r in recording.repeats if channel in r.series]
     first = max(0.0, max(float(s.times[0]) for s in series))
     last = min(end, min(float(s.times[-1]) for s in series))

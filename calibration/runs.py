@@ -1,17 +1,17 @@
 """Runs of a calibration: made for recordings, checked, and put beside them."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 
-from calibration.observed import Observed, observed
+from calibration.observed import Observed, observed, points_in_time
 from calibration.posterior import from_unit
 from calibration.recordings.case import Case, Parameter
 from calibration.recordings.records import Noise, Recording
 from mfopt.arrays import Array
-from mfopt.errors import SimulationError
+from mfopt.errors import ConfigError, SimulationError
 from mfopt.records.evaluation import Candidate, Evaluation, Purpose
 from mfopt.records.rig import TIME
 
@@ -19,6 +19,7 @@ PREDICTED = 6  # runs for each recording beside those that fit, where they cost 
 SPARED = 0.25  # of all runs
 FEWEST_PREDICTED = 3
 MOST_FAILED = 0.5  # of the runs of a recording
+LATE = 1.01  # steps by which a run may begin late; 0.01 for rounding
 
 Evaluate = Callable[[Sequence[Candidate]], list[Evaluation]]  # runs, stores, resumes
 See = Callable[[Recording, float], Observed]  # a recording up to the end of the simulation [s]
@@ -95,30 +96,57 @@ def finished(made: Sequence[Evaluation], recording: Recording) -> list[Evaluatio
         SimulationError: if most failed; with the last reason.
     """
     all_of_it = [e for e in made if e.candidate.level == recording.name]
-    names = (*recording.channels, *recording.scalars)
-    flaws = [flaw(e, names) for e in all_of_it]
+    flaws = [flaw(e, recording) for e in all_of_it]
     its = [e for e, why in zip(all_of_it, flaws, strict=True) if why is None]
     if len(its) < MOST_FAILED * len(all_of_it):
         why = next(why for why in reversed(flaws) if why is not None)
         raise SimulationError(
             f"recording {recording.name!r}: {len(all_of_it) - len(its)} of {len(all_of_it)} runs "
-            f"failed, the last because {why}"
+            f"failed, the last because {why}; at least {100 * MOST_FAILED:.0f} % must end: mend "
+            "the simulation, or narrow the ranges to where it works"
         )
     return its
 
 
-def flaw(its: Evaluation, channels: Iterable[str]) -> str | None:
-    """Why a run cannot be compared with a recording of these channels, or None."""
+def flaw(its: Evaluation, recording: Recording) -> str | None:
+    """Why a run cannot be compared with a recording, or None."""
     if not its.outcome.finished:
         return its.outcome.why
-    lacking = [channel for channel in channels if channel not in its.outcome.raw]
-    return f"it gives no {lacking[0]}" if lacking else None
+    raw = its.outcome.raw
+    for name in (*recording.channels, *recording.scalars):
+        if name not in raw:
+            return f"it gives no {name}"
+        is_series = raw[name].size > 1
+        if is_series is not (name in recording.channels):
+            kinds = ("a series", "a number") if is_series else ("a number", "a series")
+            return f"it gives {name} as {kinds[0]}, and the recording has {kinds[1]}"
+    return None
 
 
 def end_of(made: Sequence[Evaluation]) -> float:
     """The end of the shortest run [s]; 1 where runs give no series."""
     ends = [float(e.outcome.raw[TIME][-1]) for e in made if TIME in e.outcome.raw]
     return min(ends, default=1.0)
+
+
+def check_times(recording: Recording, its: Sequence[Evaluation]) -> None:
+    """See that a recording and finished runs of it have time in common, from the start on.
+
+    A run may begin a step late: at the first point that it gives, or that is compared.
+
+    Raises:
+        ConfigError: if they have none, or a run begins later.
+    """
+    for channel in recording.channels if its else ():
+        points = points_in_time(recording, channel, end_of(its))
+        for e in its:
+            first, second = map(float, e.outcome.raw[TIME][:2])
+            if first - points[0] > LATE * max(second - first, points[1] - points[0]):
+                raise ConfigError(
+                    f"recording {recording.name!r}: its {channel} is compared from "
+                    f"{points[0]:g} s on, and a run begins at {first:g} s; simulate from time 0, "
+                    "the start of the experiment"
+                )
 
 
 def seeing(case: Case, noises: Mapping[str, Noise]) -> See:
@@ -140,10 +168,11 @@ def recording_with_runs(
     """A recording beside its finished runs: their parameters (n, d) and rows (n, p).
 
     Raises:
-        ConfigError: if recording and simulation have no time in common.
+        ConfigError: if recording and simulation have no time in common, or a run begins too late.
         SimulationError: if most runs of the recording failed.
     """
     its = finished(made, recording)
+    check_times(recording, its)
     seen = see(recording, end_of(its))
     x = np.array([e.candidate.x for e in its])
     return seen, x, np.array([seen.row(e.outcome.raw) for e in its])

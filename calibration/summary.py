@@ -1,6 +1,6 @@
 """What a calibration found, as numbers for reports and JSON."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -37,12 +37,14 @@ from mfopt.records.calibration import (
     Recorded,
     Summary,
 )
+from mfopt.records.evaluation import Evaluation
 from mfopt.records.problem import Problem
-from mfopt.records.rig import Channel
+from mfopt.records.rig import TIME, Channel
 
 FIT_COUNTS = 10  # runs, as which the scatter of the fitted recordings counts
 PRIOR_DRAWS = 4000
 DRAWS = 500  # of the posterior that the summary keeps
+CUT = 0.5  # of the time that recording and most runs last: below, much is not compared
 EDGE = 0.05  # of a range: most draws so near to a bound are at the edge
 EVENLY = 0.05 / 0.9  # of the interval, from its end to a bound, where draws are even up to there
 
@@ -94,7 +96,7 @@ def summary(
         combinations=combinations(made),
         trade_offs=trade_offs(made),
         further=further(made),
-        warnings=warnings(made),
+        warnings=[*warnings(made), *cut_short(case, campaign.evaluations)],
         check=check_in_words(made),
     )
     return replace(made, words=in_words(made))
@@ -103,6 +105,24 @@ def summary(
 def _checked(its: Campaign, case: Case) -> tuple[EmulatorCheck, ...]:
     fresh = [e for e in its.evaluations if e.candidate.purpose == "predict"]
     return check_emulators(case, its.fitted.observations, its.fitted.emulators, fresh)
+
+
+def cut_short(case: Case, made: Sequence[Evaluation]) -> list[str]:
+    """Fitted recordings of which little is compared, because one run ends long before others."""
+    lines = []
+    for recording in case.fitted:
+        runs = [e.outcome.raw for e in made if e.candidate.level == recording.name]
+        ends = [float(raw[TIME][-1]) for raw in runs if TIME in raw]
+        last = [float(s.times[-1]) for r in recording.repeats for s in r.series.values()]
+        if not ends or not last:
+            continue
+        first, usual = min(ends), min(float(np.median(ends)), *last)
+        if first < CUT * usual:
+            lines.append(
+                f"{recording.name} is compared until {first:.3g} s only, because a run ends there; "
+                f"the recording and most runs last {usual:.3g} s. Let every run last as long"
+            )
+    return lines
 
 
 def _recorded(its: Recording) -> Recorded:

@@ -13,6 +13,8 @@ DETERMINED = 0.5  # of the prior's interval: a narrower posterior says something
 WELL_DETERMINED = 0.25  # of the prior's standard deviation, of a combination
 MISFIT = 0.01  # probability of a larger misfit, below which a fit is doubtful
 NAMED = 0.2  # of the largest weight: smaller ones are left out of a combination's name
+MANY_FAILED = 0.2  # of the runs: more leave gaps in the ranges
+SEPARATE = 0.25  # of an interval: wider gaps between draws do not come by chance
 HARDLY = 0.85  # of an interval: a recording that leaves more tells hardly anything
 # A correlation r leaves sqrt(1 - r^2) of an interval once the other parameter is known: here half.
 STRONG = math.sqrt(0.75)
@@ -56,6 +58,12 @@ def warnings(its: Summary) -> list[str]:
             "Check recordings and conditions, or add the physics that the simulation lacks"
         )
     lines += [_at_the_edge(p, fits=its.fits) for p in its.parameters if p.edge is not None]
+    lines += _separate_values(its)
+    if its.failed > MANY_FAILED * its.runs:
+        lines.append(
+            f"{its.failed} of {its.runs} simulations failed: where they fail, the emulators know "
+            "nothing. See the reasons in the report, mend the simulation or narrow the ranges"
+        )
     lines += [_too_sure(c, its.runs) for c in its.emulators if c.too_sure]
     return lines
 
@@ -95,6 +103,26 @@ def _at_the_edge(its: Found, *, fits: bool) -> str:
     return (
         f"{said}: widen the range. If such a value makes no sense, the simulation lacks something"
     )
+
+
+def _separate_values(its: Summary) -> list[str]:
+    """Parameters whose draws lie in two places, with nothing between."""
+    lines = []
+    draws = np.sort(np.reshape(its.draws, (-1, len(its.parameters))), axis=0)
+    for p, column in zip(its.parameters, draws.T, strict=True):
+        low, high = p.interval
+        within = column[(low <= column) & (column <= high)]
+        if len(within) < 2:
+            continue
+        at = int(np.argmax(np.diff(within)))
+        below, above = within[at : at + 2]
+        if above - below > SEPARATE * (high - low):
+            lines.append(
+                f"{p.name} has separate values, {low:.3g} to {below:.3g} and {above:.3g} to "
+                f"{high:.3g}{_unit(p)}: what lies between, the mean too, does not fit. Narrow the "
+                "range to one of them, or add a recording that tells them apart"
+            )
+    return lines
 
 
 def _unit(its: Found) -> str:

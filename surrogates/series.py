@@ -99,10 +99,13 @@ def _scales(y: Array, blocks: Sequence[int]) -> Array:
 
 
 def _components(standard: Array, blocks: Sequence[int]) -> Array:
-    """Orthonormal rows (k, p), smooth over time."""
+    """Orthonormal rows (k, p), smooth over time; the mean alone if nothing varies."""
     from sklearn.decomposition import PCA  # a second, which only this needs
 
-    most = min(MOST_COMPONENTS, len(standard) - 1, standard.shape[1])
+    points = standard.shape[1]
+    if not standard.any():
+        return np.full((1, points), 1.0 / np.sqrt(points))
+    most = min(MOST_COMPONENTS, len(standard) - 1, points)
     pca = PCA(n_components=most, svd_solver="full").fit(standard)
     explained = np.cumsum(pca.explained_variance_ratio_)
     kept = pca.components_[: 1 + int(np.searchsorted(explained, EXPLAINED))].copy()
@@ -124,7 +127,9 @@ def _noise(z: Array, scores: Array, processes: ScoreProcesses) -> Array:
     residuals = processes.left_out(scores) - scores
     shrunk = ledoit_wolf(residuals)[0]
     deviation = np.sqrt(np.diag(shrunk))
-    correlation = shrunk / np.outer(deviation, deviation)
+    still = deviation == 0.0  # scores that never vary correlate with nothing
+    deviation[still] = 1.0
+    correlation = shrunk / np.outer(deviation, deviation) + np.diag(1.0 * still)
     variance = np.array(processes.noise)
     pairs = _within(z, scores)
     if len(pairs) >= FEWEST_RUNS // 2:

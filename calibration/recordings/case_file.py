@@ -1,6 +1,7 @@
 """A case: its file and all recordings that the file names, read with the channels of the rig."""
 
 import math
+import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
@@ -166,12 +167,13 @@ def _check_recordings(recordings: tuple[Recording, ...], path: Path) -> None:
     seen: dict[str, str] = {}
     for recording in recordings:
         for repeat in recording.repeats:
-            if repeat.file and repeat.file in seen:
+            file = os.path.normpath(repeat.file)  # `./run.csv` is `run.csv`
+            if repeat.file and file in seen:
                 raise ConfigError(
-                    f"{path}: {repeat.file} is in recordings {seen[repeat.file]!r} and "
+                    f"{path}: {file} is in recordings {seen[file]!r} and "
                     f"{recording.name!r}; a run counts once: leave it out of one"
                 )
-            seen[repeat.file] = recording.name
+            seen[file] = recording.name
     if all(recording.held_out for recording in recordings):
         raise ConfigError(
             f"{path}: all {len(names)} recordings are held out; set held_out = false for those "

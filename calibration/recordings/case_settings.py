@@ -11,11 +11,14 @@ from calibration.recordings.header import Layout
 from mfopt.errors import ConfigError
 from mfopt.files.toml_text import toml_tables, toml_text
 from mfopt.limits import Bound, FileName, Name, Seed
+from mfopt.records.problem import LARGEST_BOUND
 from mfopt.settings import Settings, checked
 
 MOST_RECORDINGS = 1000
 MOST_REPEATS = 1000
 MOST_POSSIBLE = 20
+NARROWEST_RANGE = 1e-9  # of the larger bound: below, numbers round to the bounds
+NARROWEST_PRIOR = 1e-6  # [of the range] 1 sd
 
 Error = Field(default=0.0, ge=0.0)
 
@@ -31,7 +34,7 @@ def _flat(given: Any) -> Any:
     return flat
 
 
-ConditionValues = Annotated[dict[str, float | str], BeforeValidator(_flat)]
+ConditionValues = Annotated[dict[Name, float | Name], BeforeValidator(_flat)]
 
 
 class CaseHead(Settings):
@@ -62,10 +65,21 @@ class ParameterSettings(Settings):
                 f"range = [{low:g}, {high:g}] must go from a smaller to a larger value; swap or "
                 "widen it"
             )
+        least = max(NARROWEST_RANGE * max(abs(low), abs(high)), 1.0 / LARGEST_BOUND)
+        if high - low < least:
+            raise ValueError(
+                f"range = [{low!r}, {high!r}] must be at least {least:g} wide; widen it, or leave "
+                "the parameter out and fix the value in the simulation"
+            )
         if self.prior is not None:
             mean, sd = self.prior.normal
             if sd <= 0.0:
                 raise ValueError(f"prior.normal: sd = {sd:g} must be above 0; raise it")
+            if sd < NARROWEST_PRIOR * (high - low):
+                raise ValueError(
+                    f"prior.normal: sd = {sd:g} must be at least {NARROWEST_PRIOR:g} of the range, "
+                    f"{NARROWEST_PRIOR * (high - low):g}; narrow the range around the mean"
+                )
             if not low <= mean <= high:
                 raise ValueError(
                     f"prior.normal: mean = {mean:g} must lie in the range {low:g} to {high:g}; "
@@ -208,6 +222,16 @@ class CaseSettings(Settings):
     csv: CsvSettings = CsvSettings()
     recording: list[RecordingSettings] = Field(min_length=1, max_length=MOST_RECORDINGS)
     possible: list[PossibleSettings] = Field(default_factory=list, max_length=MOST_POSSIBLE)
+
+    @model_validator(mode="after")
+    def _named_apart(self) -> "CaseSettings":
+        names = [p.name for p in self.possible]
+        for name in names:
+            if name in {r.name for r in self.recording} or names.count(name) > 1:
+                raise ValueError(
+                    f"possible: {name!r} is the name of another experiment too; rename one"
+                )
+        return self
 
 
 def read_case_settings(path: Path) -> tuple[CaseSettings, str]:

@@ -3,10 +3,15 @@
 A command gets JSON as in `fidelity.programs.command`, with the parameters in `x` and the table
 `conditions` of the recording. A function `f(parameters, conditions, seed)` gets both as
 dictionaries. Both give the times `time` (s,) [s], each series over them, and numbers, by channel.
+A function is interrupted at the time limit between two instructions of Python; a call into
+compiled code ends first.
 """
 
 import importlib.util
-from collections.abc import Mapping
+import signal
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -24,6 +29,7 @@ from mfopt.records.outcome import Outcome, Status
 from mfopt.records.rig import TIME, Channel, RigParameter
 
 Conditions = Mapping[str, float | str]
+AGAIN = 1.0  # [s] after which a function that caught the interruption is interrupted again
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +65,9 @@ class ProgramRig:
         """
         if not self.command:
             _loaded(*self.function)
-            runs: Level = FunctionRun(name, self.function, parameters, conditions)
+            runs: Level = FunctionRun(
+                name, self.function, parameters, conditions, self.time_limit_s
+            )
         else:
             command = CommandLevel(
                 name, self.command, parameters, 1.0, self.time_limit_s, conditions
@@ -115,6 +123,7 @@ class FunctionRun:
     function: tuple[str, str]  # file and name
     parameters: tuple[str, ...]
     conditions: Conditions
+    time_limit_s: float = 3600.0
 
     def work(self, x: Array) -> float:
         """Work of a run."""
@@ -123,19 +132,46 @@ class FunctionRun:
     def evaluate(self, x: Array, *, seed: int) -> Outcome:
         """Call the function once; an exception, or what is no number, is a crash."""
         began = process_time()
+        status: Status = "finished"
         why: str | None = None
         raw: dict[str, AnyArray] = {}
         try:
             values = dict(zip(self.parameters, map(float, x), strict=True))
-            given = _loaded(*self.function)(values, dict(self.conditions), seed)
+            with _limited(self.time_limit_s):
+                given = _loaded(*self.function)(values, dict(self.conditions), seed)
             raw = {str(name): _numbers(name, value) for name, value in dict(given).items()}
+        except _LateError:
+            status = "timed_out"
+            why = f"not ready within the time limit of {self.time_limit_s:g} s"
         except BaseException as error:
             if from_terminal(error):
                 raise
-            why = explained(error)
+            status, why = "crashed", explained(error)
         cpu_s = process_time() - began
-        status: Status = "finished" if why is None else "crashed"
         return Outcome(frozen(x), self.name, seed, status, why, raw, 1.0, cpu_s)
+
+
+class _LateError(BaseException):
+    """The time limit is over. Not an `Exception`: these the user's program may catch."""
+
+
+@contextmanager
+def _limited(seconds: float) -> Iterator[None]:
+    """Interrupt what runs within at the time limit; only a main thread can be interrupted."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def interrupt(*_: object) -> None:
+        raise _LateError
+
+    before = signal.signal(signal.SIGALRM, interrupt)
+    signal.setitimer(signal.ITIMER_REAL, seconds, AGAIN)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
 
 
 def _numbers(name: Any, value: Any) -> Array:
@@ -161,7 +197,9 @@ def _loaded(file: str, name: str) -> Any:
     module = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)
-    except Exception as error:
+    except BaseException as error:  # SystemExit too: a script without a main guard ends itself
+        if from_terminal(error):
+            raise
         raise ConfigError(f"rig.function: {file} cannot be loaded: {explained(error)}") from error
     function = getattr(module, name, None)
     if not callable(function):

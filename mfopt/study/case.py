@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from calibration.recordings.case import Case, Parameter
 from calibration.recordings.case_file import complete_case
@@ -20,14 +20,16 @@ from fidelity.rig import SCENE, SceneRig
 from fidelity.scenes.beads import Vessel
 from mfopt.arrays import frozen
 from mfopt.errors import ConfigError, InvalidDesign
-from mfopt.limits import TimeLimit, Word
+from mfopt.limits import Name, TimeLimit, Word
 from mfopt.records.level import Ladder, Level
 from mfopt.records.objective import Criteria, Objective
+from mfopt.records.outcome import why_not_a_name
 from mfopt.records.problem import Problem, Variable
-from mfopt.records.rig import Channel
+from mfopt.records.rig import TIME, Channel
 from mfopt.settings import Settings, checked
 from mfopt.study.assemble import SCENES, DemName, EngineOptions, engine_named, refuse_options
 
+OTHERS = (TIME, "work")  # names in the answer of a program that are no channels
 # A calibration compares series; its runs have no value of their own.
 COMPARED = Criteria({"none": Objective("none", lambda raw: {"none": 0.0})})
 
@@ -142,8 +144,20 @@ class ProgramRigSettings(Settings):
 
     command: list[Word] = Field(default_factory=list)
     function: str = ""  # FILE.py:NAME, the file beside the case
-    channels: dict[str, ChannelSettings] = Field(min_length=1)
+    channels: dict[Name, ChannelSettings] = Field(min_length=1)
     time_limit_s: TimeLimit = 3600.0
+
+    @field_validator("channels")
+    @classmethod
+    def _kept(cls, channels: dict[str, ChannelSettings]) -> dict[str, ChannelSettings]:
+        for name in channels:
+            if (why := why_not_a_name(name)) is not None:
+                raise ValueError(why)
+            if name in OTHERS:
+                raise ValueError(
+                    f"{name!r} is not a channel but what a run gives beside them; rename it"
+                )
+        return channels
 
 
 def _rig(table: Mapping[str, Any], path: Path, chosen: set[str]) -> Rig:
@@ -200,7 +214,10 @@ def _engine(name: DemName, options: EngineOptions, where: str) -> Engine:
 
 
 def _meaning(path: Path, case: Case, text: str) -> dict[str, Any]:
-    """The case file and the files that it names, by digest."""
-    files = sorted({r.file.split(" (")[0] for its in case.recordings for r in its.repeats} - {""})
+    """The case file and the files that it names, by digest: recordings and the user's function."""
+    named = {r.file.split(" (")[0] for its in case.recordings for r in its.repeats} - {""}
+    if function := str(case.rig.get("function", "")):
+        named.add(function.partition(":")[0])
+    files = sorted(named)
     digests = {f: hashlib.sha256((path.parent / f).read_bytes()).hexdigest()[:16] for f in files}
     return {"case": hashlib.sha256(text.encode()).hexdigest()[:16], "files": digests}

@@ -1,6 +1,7 @@
 """A calibration as a whole, on a simulator with a closed form."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,12 +15,14 @@ from calibration.posterior import to_unit
 from calibration.recordings.case import Case, Measurement, Parameter
 from calibration.recordings.noise import measurement_noise
 from calibration.recordings.records import Recording, Repeat, Series
-from calibration.summary import summary
+from calibration.runs import Evaluate
+from calibration.summary import cut_short, summary
 from mfopt.arrays import Array, frozen
 from mfopt.errors import ConfigError, SimulationError
 from mfopt.records.evaluation import Candidate, Evaluation
 from mfopt.records.outcome import Outcome
 from mfopt.records.problem import Problem, Variable
+from mfopt.records.rig import TIME
 
 PARAMETERS = (Parameter("rate", 0.1, 0.6), Parameter("sag", 0.0, 0.1))
 NOISE = 0.004  # [m]
@@ -143,6 +146,13 @@ def test_too_few_runs_are_refused_with_the_least_number() -> None:
     assert runs_of_each(case, 41) == 16
 
 
+def test_too_many_runs_are_refused_with_the_largest_number() -> None:
+    case = case_of(frozen([0.35, 0.03]), 1)
+    with pytest.raises(ConfigError, match="at most 2018"):
+        runs_of_each(case, 10_000)
+    assert runs_of_each(case, 2018) == 1000
+
+
 def test_a_calibration_repeats_bit_for_bit(campaigns: list[Campaign], truths: list[Array]) -> None:
     again = campaign_of(case_of(truths[0], 1))
     assert np.array_equal(again.fitted.posterior.draws, campaigns[0].fitted.posterior.draws)
@@ -187,3 +197,64 @@ def test_an_error_that_is_left_out_narrows_what_it_had_widened(truths: list[Arra
     assert np.ptp(clock.intervals["rate"]) < 0.7 * (high - low)
     assert np.ptp(packing.intervals["rate"]) > 0.7 * (high - low)
     assert min(clock.misfit, packing.misfit) > 0.0
+
+
+def _answering(case: Case, change: Callable[[Outcome], Outcome]) -> tuple[list[int], Evaluate]:
+    """Runs that give something else, and how many were asked for at a time."""
+    asked: list[int] = []
+
+    def made(candidates: Sequence[Candidate]) -> list[Evaluation]:
+        asked.append(len(candidates))
+        found = evaluate(candidates, case)
+        return [replace(e, outcome=change(e.outcome)) for e in found]
+
+    return asked, made
+
+
+@pytest.mark.parametrize(
+    ("shift", "said"), [(-3.0, "the simulation ends at -1 s"), (0.1, "a run begins at 0.1 s")]
+)
+def test_runs_at_other_times_than_the_recordings_are_refused_after_one_of_each(
+    shift: float, said: str
+) -> None:
+    case = case_of(frozen([0.35, 0.03]), 1)
+    early = {TIME: TIMES + shift, "level": TIMES}
+    asked, made = _answering(case, lambda its: replace(its, status="finished", why=None, raw=early))
+    noises = {"level": measurement_noise(case.recordings, "level", case.measurement.of("level"))}
+    with pytest.raises(ConfigError, match=said):
+        calibrate(case, noises, made, 100)
+    assert asked == [len(case.fitted)]
+
+
+def test_parameters_that_change_nothing_are_named() -> None:
+    case = case_of(frozen([0.35, 0.03]), 1)
+    same = {TIME: TIMES, "level": 0.5 - 0.1 * TIMES}
+    _, made = _answering(case, lambda its: replace(its, status="finished", why=None, raw=same))
+    noises = {"level": measurement_noise(case.recordings, "level", case.measurement.of("level"))}
+    with pytest.raises(SimulationError, match="same values, whatever rate and sag"):
+        calibrate(case, noises, made, 100)
+
+
+def test_one_run_that_ends_early_is_said_to_cut_the_comparison() -> None:
+    case = case_of(frozen([0.35, 0.03]), 1)
+    asked = [Candidate(i, frozen([0.3, 0.05]), "full", 2, 0, "design") for i in range(8)]
+
+    def warned(end: float) -> list[str]:
+        short, *others = evaluate(asked, case)
+        raw = {name: values[end >= TIMES] for name, values in short.outcome.raw.items()}
+        made = [replace(short, outcome=replace(short.outcome, raw=raw)), *others]
+        return cut_short(case, made)
+
+    assert warned(1.8) == []
+    (line,) = warned(0.2)
+    assert line.startswith("full is compared until 0.2 s only")
+    assert "most runs last 1.9 s" in line
+
+
+def test_a_run_that_gives_a_number_where_a_series_was_recorded_says_so() -> None:
+    case = case_of(frozen([0.35, 0.03]), 1)
+    number = {"level": np.array(0.3)}
+    _, made = _answering(case, lambda its: replace(its, status="finished", why=None, raw=number))
+    noises = {"level": measurement_noise(case.recordings, "level", case.measurement.of("level"))}
+    with pytest.raises(SimulationError, match=r"gives level as a number, .* has a series"):
+        calibrate(case, noises, made, 100)

@@ -160,6 +160,17 @@ WRONG = [
     (HEAD + PARAMETER + '[measurement]\nclock_offset_s = "wide"\n' + RECORDING, "clock_offset_s"),
     (HEAD + PARAMETER + "[measurement]\nclock_offset_s = -0.1\n" + RECORDING, "at least 0"),
     ("[case\n", "not valid TOML"),
+    (HEAD + PARAMETER.replace("0.1, 0.8", "1.0, 1.0000000000000002") + RECORDING, "1e-09 wide"),
+    (HEAD + PARAMETER.replace("0.1, 0.8", "0.0, 1e-320") + RECORDING, "1e-100 wide"),
+    (HEAD + PARAMETER + "prior = { normal = [0.4, 1e-20] }\n" + RECORDING, "1e-06 of the range"),
+    (HEAD + PARAMETER + RECORDING + RECORDING.replace("run", "two").replace("a.csv", "./a.csv"),
+     "a run counts once"),
+    (HEAD + PARAMETER + RECORDING + 'conditions = { "a\\nb" = 1.0 }\n', "control character"),
+    (HEAD + PARAMETER + RECORDING + f'conditions = {{ {"x" * 200} = 1.0 }}\n', "limit of 100"),
+    (HEAD + PARAMETER + RECORDING + '[[possible]]\nname = "run"\nconditions = { a = 1.0 }\n',
+     "'run' is the name of another experiment"),
+    (HEAD + PARAMETER + RECORDING + 2 * '[[possible]]\nname = "p"\nconditions = { a = 1.0 }\n',
+     "'p' is the name of another experiment"),
 ]  # fmt: skip
 
 

@@ -167,3 +167,22 @@ def test_a_wrong_model_gives_no_advice() -> None:
     its = summary(parameters=(found("linear", determined=False),), advice=advice)
     assert "record next: a" in further(its)[0]
     assert "first make the simulation fit" in further(replace(its, fits=False))[0]
+
+
+def test_separate_values_of_a_parameter_are_named() -> None:
+    # A parameter that enters as its square: nothing tells +0.7 from -0.7.
+    rng = np.random.default_rng(1)
+    square = rng.choice([-0.7, 0.7], 500) + 0.05 * rng.standard_normal(500)
+    low, high = np.quantile(square, [0.05, 0.95])
+    draws = np.column_stack([square, rng.standard_normal(500)]).tolist()
+    two = found("swing", interval=(float(low), float(high)))
+    one = found("drag", interval=(-1.645, 1.645))
+    (line,) = warnings(summary(parameters=(two, one), draws=draws))
+    assert line.startswith("swing has separate values, -0.7")
+    assert "the mean too, does not fit" in line
+
+
+def test_many_failed_runs_are_a_warning() -> None:
+    (line,) = warnings(summary(failed=17))
+    assert line.startswith("17 of 80 simulations failed")
+    assert warnings(summary(failed=16)) == []

@@ -1,6 +1,8 @@
 """The user's own simulator as a rig: a function and a command give the same; flaws are told."""
 
+import signal
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -75,7 +77,12 @@ def test_a_flawed_run_is_a_crash_that_says_why(function: ProgramRig, g: float, s
 
 @pytest.mark.parametrize(
     ("text", "name", "said"),
-    [(None, "fall", "is no file"), ("x = 1", "fall", "no function"), ("1 / 0", "fall", "ZeroDiv")],
+    [
+        (None, "fall", "is no file"),
+        ("x = 1", "fall", "no function"),
+        ("1 / 0", "fall", "ZeroDiv"),
+        ("raise SystemExit", "fall", "SystemExit"),
+    ],
 )
 def test_a_function_that_is_missing_is_named(
     tmp_path: Path, text: str | None, name: str, said: str
@@ -85,3 +92,23 @@ def test_a_function_that_is_missing_is_named(
         path.write_text(text)
     with pytest.raises(ConfigError, match=said):
         ProgramRig(CHANNELS, function=(str(path), name)).level("drop", {}, ("g",))
+
+
+def test_a_function_that_hangs_ends_at_the_time_limit(tmp_path: Path) -> None:
+    # It even catches every exception once.
+    text = """
+import time
+def hang(parameters, conditions, seed):
+    try:
+        time.sleep(60.0)
+    except BaseException:
+        time.sleep(60.0)
+"""
+    (tmp_path / "hang.py").write_text(text)
+    rig = ProgramRig(CHANNELS, function=(str(tmp_path / "hang.py"), "hang"), time_limit_s=0.1)
+    began = time.monotonic()
+    outcome = rig.level("drop", {}, ("g",)).evaluate(np.array([9.81]), seed=1)
+    assert outcome.status == "timed_out"
+    assert outcome.why == "not ready within the time limit of 0.1 s"
+    assert time.monotonic() - began < 30.0
+    assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)

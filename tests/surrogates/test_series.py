@@ -68,3 +68,14 @@ def test_too_few_runs_are_refused() -> None:
     z = np.random.default_rng(1).random((7, 2))
     with pytest.raises(ConfigError, match="7 finished runs"):
         fit_series(z, truth(z), [30, 30])
+
+
+@pytest.mark.parametrize("value", [0.0, 0.5])
+def test_a_series_that_never_varies_is_predicted_as_it_is(value: float) -> None:
+    z = np.random.default_rng(1).random((12, 2))
+    flat = fit_series(z, np.full((12, 30), value), [20, 10])
+    mean, variance = flat.predict(z)
+    assert flat.series(mean) == pytest.approx(np.full((12, 30), value), abs=1e-9)
+    assert np.all(np.isfinite(variance))
+    assert np.all(np.isfinite(flat.noise))
+    assert flat.scatter().max() < 1e-3 * max(value, 1.0)
