@@ -4,14 +4,15 @@ A command gets JSON as in `fidelity.programs.command`, with the parameters in `x
 `conditions` of the recording. A function `f(parameters, conditions, seed)` gets both as
 dictionaries. Both give the times `time` (s,) [s], each series over them, and numbers, by channel.
 A function is interrupted at the time limit between two instructions of Python; a call into
-compiled code ends first.
+compiled code ends first. What a function prints goes to standard error: standard output is mfopt's.
 """
 
 import importlib.util
 import signal
+import sys
 import threading
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -137,7 +138,7 @@ class FunctionRun:
         raw: dict[str, AnyArray] = {}
         try:
             values = dict(zip(self.parameters, map(float, x), strict=True))
-            with _limited(self.time_limit_s):
+            with _limited(self.time_limit_s), redirect_stdout(sys.stderr):
                 given = _loaded(*self.function)(values, dict(self.conditions), seed)
             raw = {str(name): _numbers(name, value) for name, value in dict(given).items()}
         except _LateError:
@@ -196,7 +197,8 @@ def _loaded(file: str, name: str) -> Any:
         raise ConfigError(f"rig.function: {file} is no Python file; write FILE.py:NAME")
     module = importlib.util.module_from_spec(spec)
     try:
-        spec.loader.exec_module(module)
+        with redirect_stdout(sys.stderr):
+            spec.loader.exec_module(module)
     except BaseException as error:  # SystemExit too: a script without a main guard ends itself
         if from_terminal(error):
             raise

@@ -112,3 +112,20 @@ def hang(parameters, conditions, seed):
     assert outcome.why == "not ready within the time limit of 0.1 s"
     assert time.monotonic() - began < 30.0
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
+
+
+def test_what_a_function_prints_stays_out_of_the_output_of_mfopt(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = """
+print("loaded")
+def talk(parameters, conditions, seed):
+    print("called")
+    return {"time_to_fall": 1.0}
+"""
+    (tmp_path / "talk.py").write_text(text)
+    rig = ProgramRig(CHANNELS, function=(str(tmp_path / "talk.py"), "talk"))
+    assert rig.level("drop", {}, ("g",)).evaluate(np.array([9.81]), seed=1).finished
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.split() == ["loaded", "called"]
