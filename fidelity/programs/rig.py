@@ -30,6 +30,7 @@ from mfopt.records.outcome import Outcome, Status
 from mfopt.records.rig import TIME, Channel, RigParameter
 
 Conditions = Mapping[str, float | str]
+FAR = 1e6  # times the usual size of a channel: one run so far off hides all others
 AGAIN = 1.0  # [s] after which a function that caught the interruption is interrupted again
 
 
@@ -75,7 +76,7 @@ class ProgramRig:
             )
             command.check()
             runs = command
-        return ProgramLevel(runs, tuple(self.channels))
+        return ProgramLevel(runs, self.channels)
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +84,7 @@ class ProgramLevel:
     """A program that must give the channels which the case names. A `Level`."""
 
     program: Level
-    channels: tuple[str, ...]
+    channels: Mapping[str, Channel]
 
     @property
     def name(self) -> str:
@@ -104,6 +105,13 @@ class ProgramLevel:
         given = [name for name in self.channels if name in raw]
         if not given:
             return f"the program gives none of the channels {', '.join(self.channels)}"
+        for name in given:
+            largest, its = float(np.abs(raw[name]).max(initial=0.0)), self.channels[name]
+            if largest > FAR * its.size:
+                return (
+                    f"{name} = {largest:g} {its.unit} is more than {FAR:g} times the usual size "
+                    f"{its.size:g}; the simulation diverged, or the size in the case file is wrong"
+                )
         series = [name for name in given if raw[name].ndim]
         if not series:
             return None

@@ -17,7 +17,7 @@ FUNCTION = """
 import numpy as np
 def fall(parameters, conditions, seed):
     t = np.linspace(0.0, 1.0, 11)
-    if parameters["g"] < 1.0:
+    if 0.0 <= parameters["g"] < 1.0:
         raise RuntimeError("no gravity")
     if parameters["g"] > 20.0:
         return {"time": t[::-1], "height": t}
@@ -26,7 +26,7 @@ def fall(parameters, conditions, seed):
     if parameters["g"] > 12.0:
         return {"speed": t}
     h = conditions["start"] - 0.5 * parameters["g"] * t**2
-    end = (2 * conditions["start"] / parameters["g"])**0.5
+    end = (2 * conditions["start"] / abs(parameters["g"]))**0.5
     return {"time": t, "height": h, "time_to_fall": end}
 """
 PROGRAM = """
@@ -65,6 +65,7 @@ def test_a_function_and_a_command_give_the_same(function: ProgramRig, tmp_path: 
         (13.0, "none of the channels"),
         (16.0, "shape"),
         (25.0, "increas"),
+        (-1e9, "5e+08 m is more than 1e+06 times the usual size 10"),
     ],
 )
 def test_a_flawed_run_is_a_crash_that_says_why(function: ProgramRig, g: float, said: str) -> None:
