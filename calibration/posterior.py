@@ -122,7 +122,8 @@ def sample(
         log_likelihood: at parameters (d,) in the unit cube.
         parameters: with their priors.
         seed: of the sampler.
-        live: points; the error of the log evidence falls with the root of their number.
+        live: points; the error of the log evidence falls with the root of their number. There are
+            more than two for each dimension.
         around: box (2, d) of a posterior of fewer runs; None: all of the prior.
 
     Source: Chen, Hobson, Das & Gelderblom 2019, doi:10.1007/s11222-018-9841-3.
@@ -140,7 +141,7 @@ def sample(
     # Random walks from live points: ridges are thin, and uniform draws from ellipsoids miss them.
     sampler = NestedSampler(
         likely, lambda v: v, d + (around is not None),
-        nlive=live, sample="rwalk", bootstrap=0, rstate=rng,
+        nlive=max(live, 2 * (d + 1) + 1), sample="rwalk", bootstrap=0, rstate=rng,
     )  # fmt: skip
     with warnings.catch_warnings():
         # A wrong model ends in a corner, where all points are as likely as numbers can tell.

@@ -23,6 +23,7 @@ from mfopt.records.rig import Channel
 from mfopt.settings import nearest
 
 Channels = Mapping[str, Channel]
+LARGEST_ERROR = 100.0  # [usual size of a channel] 1 sd; with more the recording says nothing
 
 
 def complete_case(settings: CaseSettings, path: Path, channels: Channels) -> Case:
@@ -136,6 +137,13 @@ def _values(scalar: ScalarSettings, channel: Channel, where: str) -> list[float]
 
 def _known(table: KnownSettings, channel: Channel, where: str) -> Known:
     factor = _factor(table, channel, where)
+    for key, given in (("offset", table.offset), ("noise", table.noise or 0.0)):
+        if factor * given > LARGEST_ERROR * channel.size:
+            raise ConfigError(
+                f"{where}: measurement.{channel.name}.{key} = {given:g} must be at most "
+                f"{LARGEST_ERROR:g} times the usual size of the channel, "
+                f"{LARGEST_ERROR * channel.size / factor:g}; lower it, or correct its unit"
+            )
     noise = None if table.noise is None else factor * table.noise
     return Known(factor * table.offset, table.scale, noise)
 

@@ -98,7 +98,7 @@ class KnownSettings(Settings):
 
     unit: str | None = None  # of offset, noise and limits; None: the SI unit of the channel
     offset: float = Error
-    scale: float = Error
+    scale: float = Field(default=0.0, ge=0.0, le=10.0)
     noise: float | None = Field(default=None, gt=0.0)
     limits: tuple[float, float] | None = Field(default=None, strict=False)
 

@@ -93,3 +93,11 @@ def test_a_parameter_of_one_value_correlates_with_nothing() -> None:
     flat = (Parameter("a", 0.0, 1.0), Parameter("b", 0.0, 1.0))
     found = Posterior(flat, draws, draws[0], 0.0, 0.1, 1, np.zeros((2, 2))).correlation
     assert found == pytest.approx(np.eye(2))
+
+
+def test_many_parameters_get_enough_points_for_the_sampler() -> None:
+    # dynesty warns of 40 points in 25 dimensions, and warnings are errors here.
+    many = tuple(Parameter(f"p{i}", 0.0, 1.0) for i in range(25))
+    found = sample(lambda z: -float(z[0]), many, seed=1, live=40)
+    assert found.draws.shape[1] == 25
+    assert np.all(np.abs(found.mean[1:] - 0.5) < 0.3)
