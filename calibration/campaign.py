@@ -9,6 +9,7 @@ them.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import count
 
 import numpy as np
 from scipy.stats import qmc
@@ -19,7 +20,6 @@ from calibration.posterior import LIVE, Posterior, prior_transform, sample, to_u
 from calibration.recordings.case import Case
 from calibration.recordings.records import Noise
 from calibration.runs import (
-    FEWEST_PREDICTED,
     Evaluate,
     Predicted,
     See,
@@ -96,8 +96,8 @@ def calibrate(
     made += evaluate(planned[len(case.fitted) :])
     for number in range(ROUNDS):
         so_far = fit(case, see, made, live=ROUGH)
-        count = (each - len(made) // len(case.fitted)) // (ROUNDS - number)
-        made += evaluate(_refined(case, so_far.posterior, number, count, len(made)))
+        new = (each - len(made) // len(case.fitted)) // (ROUNDS - number)
+        made += evaluate(_refined(case, so_far.posterior, number, new, len(made)))
     fitted = fit(case, see, made, around=so_far.posterior.box)
     z = to_unit(case.parameters, fitted.posterior.draws)
     beside, last = predicted(case, see, evaluate, z, predictions_of_each(case, runs), len(made))
@@ -112,9 +112,9 @@ def runs_of_each(case: Case, runs: int) -> int:
     """
     if not case.fitted:
         raise ConfigError("all recordings are held out; fit at least one")
-    each = (runs - predictions_of_each(case, runs) * len(case.recordings)) // len(case.fitted)
+    each = _learned_from(case, runs)
     if each < FEWEST:
-        least = FEWEST * len(case.fitted) + FEWEST_PREDICTED * len(case.recordings)
+        least = next(n for n in count(runs + 1) if _learned_from(case, n) >= FEWEST)
         raise ConfigError(
             f"{runs} runs are too few for {len(case.fitted)} fitted recordings and "
             f"{len(case.held_out)} held out; give at least {least}"
@@ -127,6 +127,11 @@ def runs_of_each(case: Case, runs: int) -> int:
             f"most {most}"
         )
     return each
+
+
+def _learned_from(case: Case, runs: int) -> int:
+    """Runs of each fitted recording beside those that predict."""
+    return (runs - predictions_of_each(case, runs) * len(case.recordings)) // len(case.fitted)
 
 
 def fit(

@@ -146,6 +146,19 @@ def test_too_few_runs_are_refused_with_the_least_number() -> None:
     assert runs_of_each(case, 41) == 16
 
 
+@pytest.mark.parametrize(("recordings", "runs"), [(1, 1), (7, 100), (40, 800)])
+def test_the_least_number_that_is_named_is_enough(recordings: int, runs: int) -> None:
+    one = case_of(frozen([0.35, 0.03]), 1).recordings[0]
+    made = tuple(replace(one, name=f"{number}") for number in range(recordings))
+    case = replace(case_of(frozen([0.35, 0.03]), 1), recordings=made)
+    with pytest.raises(ConfigError, match="too few") as error:
+        runs_of_each(case, runs)
+    least = int(str(error.value).rpartition(" ")[2])
+    assert runs_of_each(case, least) == 16
+    with pytest.raises(ConfigError, match="too few"):
+        runs_of_each(case, least - 1)
+
+
 def test_too_many_runs_are_refused_with_the_largest_number() -> None:
     case = case_of(frozen([0.35, 0.03]), 1)
     with pytest.raises(ConfigError, match="at most 2018"):
