@@ -25,6 +25,7 @@ from calibration.runs import (
     See,
     candidates,
     check_times,
+    finished,
     flaw,
     predicted,
     predictions_of_each,
@@ -53,9 +54,8 @@ class Fitted:
 
     observations: tuple[Observed, ...]  # of the fitted recordings
     emulators: tuple[SeriesEmulator, ...]
+    likelihood: Likelihood
     posterior: Posterior
-    misfit: float  # of the best parameters: chi-squared
-    freedom: int  # its degrees of freedom
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,6 +63,8 @@ class Campaign:
     """A whole calibration."""
 
     fitted: Fitted
+    misfit: float  # of runs of the posterior: chi-squared
+    freedom: int  # its degrees of freedom
     predicted: tuple[Predicted, ...]
     evaluations: tuple[Evaluation, ...]
 
@@ -96,12 +98,17 @@ def calibrate(
     made += evaluate(planned[len(case.fitted) :])
     for number in range(ROUNDS):
         so_far = fit(case, see, made, live=ROUGH)
+        not_ruled_out = sample(
+            so_far.likelihood.ruled_out, case.parameters, seed=case.seed, live=ROUGH
+        )
+        two = (so_far.posterior, not_ruled_out)
         new = (each - len(made) // len(case.fitted)) // (ROUNDS - number)
-        made += evaluate(_refined(case, so_far.posterior, number, new, len(made)))
+        made += evaluate(_refined(case, two, number, new, len(made)))
     fitted = fit(case, see, made, around=so_far.posterior.box)
     z = to_unit(case.parameters, fitted.posterior.draws)
     beside, last = predicted(case, see, evaluate, z, predictions_of_each(case, runs), len(made))
-    return Campaign(fitted, beside, (*made, *last))
+    misfit, freedom = misfit_of(fitted.likelihood, fitted, case, last)
+    return Campaign(fitted, misfit, freedom, beside, (*made, *last))
 
 
 def runs_of_each(case: Case, runs: int) -> int:
@@ -163,15 +170,19 @@ def fit(
         emulators.append(fit_series(to_unit(case.parameters, x), rows, blocks))
     likely = likelihood(observations, emulators)
     posterior = sample(likely, case.parameters, seed=case.seed, live=live, around=around)
-    misfit, freedom = misfit_of(likely, posterior)
-    return Fitted(tuple(observations), tuple(emulators), posterior, misfit, freedom)
+    return Fitted(tuple(observations), tuple(emulators), likely, posterior)
 
 
-def misfit_of(likely: Likelihood, posterior: Posterior) -> tuple[float, int]:
-    """Chi-squared of the best parameters, and its degrees of freedom."""
-    residual, covariance = likely.residual(to_unit(posterior.parameters, posterior.best))
-    misfit = float(residual @ np.linalg.solve(covariance, residual))
-    return misfit, max(1, len(residual) - len(posterior.parameters))
+def misfit_of(
+    likely: Likelihood, fitted: Fitted, case: Case, made: Sequence[Evaluation]
+) -> tuple[float, int]:
+    """Chi-squared of the fitted recordings against runs of the posterior, and its freedom."""
+    rows = [
+        np.array([seen.row(e.outcome.raw) for e in finished(made, recording)])
+        for recording, seen in zip(case.fitted, fitted.observations, strict=True)
+    ]
+    misfit, scores = likely.misfit(rows)
+    return misfit, max(1, scores - len(case.parameters))
 
 
 def _spread(case: Case, each: int) -> list[Candidate]:
@@ -189,15 +200,18 @@ def _spread(case: Case, each: int) -> list[Candidate]:
 
 
 def _refined(
-    case: Case, posterior: Posterior, round_number: int, each: int, first: int
+    case: Case, drawn: Sequence[Posterior], round_number: int, each: int, first: int
 ) -> list[Candidate]:
-    """Parameters drawn around the posterior, somewhat wider."""
-    z = to_unit(case.parameters, posterior.draws)
+    """Parameters drawn around each of these in equal parts, somewhat wider."""
+    wide = []
+    for its in drawn:
+        z = to_unit(case.parameters, its.draws)
+        wide.append(np.clip(z.mean(axis=0) + WIDER * (z - z.mean(axis=0)), 0.0, 1.0))
+    z = np.concatenate(wide)
     points = []
     new = max(1, round(each / (1.0 + REPLICATED)))
     for number, recording in enumerate(case.fitted):
         rng = np.random.default_rng([case.seed, 1000 + number, round_number])
         chosen = z[rng.integers(0, len(z), new)]
-        chosen = np.clip(z.mean(axis=0) + WIDER * (chosen - z.mean(axis=0)), 0.0, 1.0)
         points.append((recording, np.vstack([chosen, chosen[: each - new]])))
     return candidates(case.parameters, points, first, "refine")

@@ -2,31 +2,33 @@
 
 from collections.abc import Sequence
 
-from calibration.campaign import Fitted, misfit_of
+from calibration.campaign import Campaign, misfit_of
 from calibration.likelihood import likelihood
 from calibration.parts import without
 from calibration.posterior import sample
+from calibration.recordings.case import Case
 from mfopt.records.calibration import LeftOut
 
 
-def fits_without(fitted: Fitted, errors: Sequence[str], *, seed: int) -> tuple[LeftOut, ...]:
+def fits_without(its: Campaign, errors: Sequence[str], case: Case) -> tuple[LeftOut, ...]:
     """Fit again without each of these errors.
 
     Args:
-        fitted: with all errors.
+        its: with all errors.
         errors: of `calibration.parts.ERRORS`.
-        seed: of the sampler.
+        case: that was fitted.
 
     Raises:
         ConfigError: if there is no such error.
     """
-    parameters, box = fitted.posterior.parameters, fitted.posterior.box
+    fitted, parameters = its.fitted, case.parameters
+    fresh = [e for e in its.evaluations if e.candidate.purpose == "predict"]
     names = [p.name for p in parameters]
     made = []
     for error in dict.fromkeys(errors):
         likely = likelihood(fitted.observations, fitted.emulators, without(error))
-        posterior = sample(likely, parameters, seed=seed, around=box)
-        misfit, _ = misfit_of(likely, posterior)
+        posterior = sample(likely, parameters, seed=case.seed, around=fitted.posterior.box)
+        misfit, _ = misfit_of(likely, fitted, case, fresh)
         bounds = [(float(low), float(high)) for low, high in posterior.interval()]
         made.append(LeftOut(error, dict(zip(names, bounds, strict=True)), misfit))
     return tuple(made)

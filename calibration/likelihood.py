@@ -12,6 +12,7 @@ adds, by recording,
 Each part can be left out (`calibration.parts.Parts`).
 """
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -27,6 +28,7 @@ from surrogates.series import SeriesEmulator
 SHARED = 0.5  # of its variance, by all recordings
 WAVES = 8  # cosines over the run: the shortest lasts a quarter of it
 INDEPENDENT = 1e-6  # of a direction's size: what is left of it beside the components
+SLIGHTLY = 1e-3  # of a misfit, by which parameters that are not ruled out differ
 LEAST = 1e-9  # [of a score's variance] added to the diagonal
 
 
@@ -35,7 +37,8 @@ class _Group:
     """One recording, in scores."""
 
     emulator: SeriesEmulator
-    scores: Array  # (q,) of the recording; the first k on the components of the emulator
+    basis: Array  # (q, p) orthonormal; the first k rows are the components of the emulator
+    scores: Array  # (q,) of the recording
     fixed: Array  # (q, q) covariance that does not depend on the parameters
     shared: Array  # (q, r) factor of what all recordings have in common
     slope: Array  # (q, k + 1): of the series in time, from the simulated scores and 1
@@ -69,30 +72,73 @@ class Likelihood:
 
     def residual(self, z: Array) -> tuple[Array, Array]:
         """Recorded less simulated scores (K,) of all recordings, and their covariance (K, K)."""
-        residuals, own, shared = [], [], []
+        residuals, own = [], []
         for group in self.groups:
             mean, variance = (a[0] for a in group.emulator.predict(z[None]))
-            covariance, k = group.fixed.copy(), len(mean)
+            covariance, k = self._known(group, mean), len(mean)
             if self.parts.emulator:
                 covariance[range(k), range(k)] += variance
-            if self.parts.clock:
-                with_one = np.append(mean, 1.0)
-                slope, moment = group.slope @ with_one, group.moment @ with_one
-                covariance += group.start_sd**2 * np.outer(slope, slope)
-                covariance += group.clock_error**2 * np.outer(moment, moment)
             residual = group.scores.copy()
             residual[:k] -= mean
             residuals.append(residual)
             own.append(covariance)
-            shared.append(group.shared)
-        factor = np.concatenate(shared)
+        return np.concatenate(residuals), self._together(own)
+
+    def ruled_out(self, z: Array) -> float:
+        """How far parameters z (d,) are ruled out, as a log density: 0 if they are not.
+
+        Parameters are ruled out by a misfit that is larger than its number of scores. Where the
+        emulator is in doubt nothing is, so runs there tell more. Among equals a smaller misfit
+        counts for little more.
+
+        Source: Vernon, Goldstein & Bower 2010, doi:10.1214/10-BA524, for the implausibility.
+        """
+        residual, covariance = self.residual(z)
+        misfit = float(residual @ np.linalg.solve(covariance, residual))
+        return -0.5 * max(misfit - len(residual), 0.0) - SLIGHTLY * misfit
+
+    def misfit(self, rows: Sequence[Array]) -> tuple[float, int]:
+        """Chi-squared of the recordings against runs, without any emulator, and its size.
+
+        Args:
+            rows: for each recording values (m, p) of runs with parameters drawn from the posterior.
+
+        Returns:
+            Chi-squared, and the number of scores.
+        """
+        residuals, own = [], []
+        for group, runs in zip(self.groups, rows, strict=True):
+            emulator = group.emulator
+            scores = ((runs - emulator.mean) / emulator.scale) @ group.basis.T
+            mean, k = scores.mean(axis=0), len(emulator.components)
+            covariance = self._known(group, mean[:k])
+            if len(runs) > 1:
+                covariance += np.diag(scores.var(axis=0, ddof=1)) / len(runs)
+            residuals.append(group.scores - mean)
+            own.append(covariance)
+        residual = np.concatenate(residuals)
+        return float(residual @ np.linalg.solve(self._together(own), residual)), len(residual)
+
+    def _known(self, group: _Group, mean: Array) -> Array:
+        """Covariance (q, q) of one recording but for the emulator, at mean scores (k,)."""
+        covariance = group.fixed.copy()
+        if self.parts.clock:
+            with_one = np.append(mean, 1.0)
+            slope, moment = group.slope @ with_one, group.moment @ with_one
+            covariance += group.start_sd**2 * np.outer(slope, slope)
+            covariance += group.clock_error**2 * np.outer(moment, moment)
+        return covariance
+
+    def _together(self, own: Sequence[Array]) -> Array:
+        """Covariance (K, K) of all recordings from that of each, and what these share."""
+        factor = np.concatenate([group.shared for group in self.groups])
         total, at = factor @ factor.T, 0
         for covariance in own:
             k = len(covariance)
             total[at : at + k, at : at + k] += covariance
             at += k
         total[np.diag_indices(at)] *= 1.0 + LEAST
-        return np.concatenate(residuals), total
+        return np.asarray(total)
 
 
 def likelihood(
@@ -136,7 +182,8 @@ def _group(
         fixed += constant @ constant.T
     back = (basis / emulator.scale).T  # (p, q)
     return _Group(
-        emulator, frozen(basis @ ((seen.values - emulator.mean) / emulator.scale)), frozen(fixed),
+        emulator, frozen(basis),
+        frozen(basis @ ((seen.values - emulator.mean) / emulator.scale)), frozen(fixed),
         frozen(basis @ (math.sqrt(SHARED) * waves / emulator.scale[:, None])),
         frozen((slopes @ back).T), frozen((slopes * seen.times @ back).T),
         seen.clock_error, seen.start_sd,
@@ -146,12 +193,22 @@ def _group(
 def _basis(seen: Observed, emulator: SeriesEmulator, slope: Array) -> Array:
     """Orthonormal rows (q, p): the components, then zero, scale, clock and slow waves beside them.
 
+    All come from simulations: a direction made of the recording would find its own noise in it.
+
     Args:
         seen: the recording.
         emulator: of its conditions.
         slope: of the mean series in time (1, p).
     """
-    shapes = [slope, slope * seen.times, seen.constant.T, _cosines(seen).T]
+    starts = np.cumsum([0, *(block.size for block in seen.blocks)])
+    place = np.arange(len(emulator.mean))
+    scales = np.array(
+        [
+            np.where((place >= low) & (place < high), emulator.mean, 0.0)
+            for low, high in itertools.pairwise(starts)
+        ]
+    )
+    shapes = [slope, slope * seen.times, scales, _cosines(seen).T]
     beside = np.vstack(shapes) / emulator.scale
     size = np.sqrt(np.sum(beside**2, axis=1, keepdims=True))
     beside = beside / np.where(size > 0.0, size, 1.0)

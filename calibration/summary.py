@@ -20,7 +20,6 @@ from calibration.words import (
     combinations,
     further,
     in_words,
-    too_far,
     trade_offs,
     warnings,
 )
@@ -62,7 +61,7 @@ def summary(
     fitted = campaign.fitted
     posterior, outcomes = fitted.posterior, [e.outcome for e in campaign.evaluations]
     prior = _prior_draws(case)
-    probability = float(chi2.sf(fitted.misfit, fitted.freedom))
+    probability = float(chi2.sf(campaign.misfit, campaign.freedom))
     beside = tuple(c for p in campaign.predicted for c in compared(p, _scatter(fitted), channels))
     made = Summary(
         name=case.name,
@@ -73,10 +72,10 @@ def summary(
         correlation=posterior.correlation.tolist(),
         draws=posterior.draws[:DRAWS].tolist(),
         log_evidence=posterior.log_evidence,
-        misfit=fitted.misfit,
-        freedom=fitted.freedom,
+        misfit=campaign.misfit,
+        freedom=campaign.freedom,
         probability=probability,
-        fits=probability >= MISFIT and not too_far(beside),
+        fits=probability >= MISFIT,
         recordings=tuple(map(_recorded, case.recordings)),
         compared=beside,
         noise=tuple(_measured(noise, channels[name].unit) for name, noise in noises.items()),

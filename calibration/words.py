@@ -1,11 +1,9 @@
 """What a calibration found, in words: warnings first, one sentence or two a line."""
 
 import math
-from collections.abc import Sequence
 from itertools import combinations as pairs_of
 
 import numpy as np
-from scipy.stats import norm
 
 from mfopt.records.calibration import Compared, EmulatorCheck, Found, LeftOut, Summary
 
@@ -69,28 +67,18 @@ def warnings(its: Summary) -> list[str]:
 
 
 def _why_not(its: Summary) -> str:
-    reasons = [
-        f"{c.recording}, {c.channel}, is {c.error:.1f} times as far from the simulation as noise, "
-        "scatter and stated errors explain"
-        for c in sorted(too_far(its.compared), key=lambda c: -c.error)
-    ][:1]
-    if its.probability < MISFIT:
-        chance = "below 0.001" if its.probability < 1e-3 else f"of {its.probability:.1g}"
-        reasons.append(
-            f"a misfit of {its.misfit:.0f} on {its.freedom} degrees of freedom has a probability "
-            f"{chance}"
-        )
-    return "; ".join(reasons)
-
-
-def too_far(compared: Sequence[Compared]) -> list[Compared]:
-    """Fitted channels whose simulation is farther off than chance explains.
-
-    The points of a channel may move as one, so the error of a right model is the size of a standard
-    normal number. One in so many channels is beyond the limit with the probability `MISFIT`.
-    """
-    fitted = [c for c in compared if not c.held_out]
-    return [c for c in fitted if c.error > norm.isf(MISFIT / 2.0 / len(fitted))]
+    chance = "below 0.001" if its.probability < 1e-3 else f"of {its.probability:.1g}"
+    said = (
+        f"a misfit of {its.misfit:.0f} on {its.freedom} degrees of freedom has a probability "
+        f"{chance}"
+    )
+    worst = max((c for c in its.compared if not c.held_out), key=lambda c: c.error)
+    if worst.error <= 1.0:
+        return said
+    return (
+        f"{said}; {worst.recording}, {worst.channel}, is {worst.error:.1f} times as far from the "
+        "simulation as noise, scatter and stated errors explain"
+    )
 
 
 def _at_the_edge(its: Found, *, fits: bool) -> str:

@@ -163,7 +163,7 @@ def _found(
             parts.case, [level.name for level in parts.possible], campaign.fitted.posterior,
             parts.noises, further, len(campaign.evaluations),
         )  # fmt: skip
-    others = fits_without(campaign.fitted, leave_out, seed=parts.case.seed)
+    others = fits_without(campaign, leave_out, parts.case)
     result = summary(
         campaign, parts.case, parts.problem, parts.noises, parts.rig.channels, advice, others
     )

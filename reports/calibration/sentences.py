@@ -58,7 +58,7 @@ def misfit(its: Summary) -> str:
     elif its.probability > LIKELY:
         chance = f"above {LIKELY}"
     return (
-        f"At the best parameters the misfit (chi-squared) is {number(its.misfit, 3)} on {one}. If "
+        f"The misfit (chi-squared) of the checking runs is {number(its.misfit, 3)} on {one}. If "
         f"the simulation is right, a larger misfit has the probability {chance}. The logarithm of "
         f"the evidence is {number(its.log_evidence, 3)}; the larger evidence of two simulations "
         "of the same recordings marks the better one."

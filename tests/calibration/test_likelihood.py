@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_calibrate import PARAMETERS
+from test_calibrate import PARAMETERS, campaign_of, case_of
 
+from calibration.likelihood import likelihood
 from calibration.parts import EVERY_PART, without
 from calibration.posterior import Posterior, from_unit, prior_transform, sample, to_unit
-from calibration.recordings.case import Parameter
-from mfopt.arrays import Array
+from calibration.recordings.case import Known, Measurement, Parameter
+from mfopt.arrays import Array, frozen
 from mfopt.errors import ConfigError
 
 
@@ -101,3 +102,33 @@ def test_many_parameters_get_enough_points_for_the_sampler() -> None:
     found = sample(lambda z: -float(z[0]), many, seed=1, live=40)
     assert found.draws.shape[1] == 25
     assert np.all(np.abs(found.mean[1:] - 0.5) < 0.3)
+
+
+def test_the_directions_that_are_looked_at_do_not_know_the_noise_of_the_recording() -> None:
+    # A scale error is the recorded series times a factor; as a direction it would hold its noise.
+    campaign = campaign_of(
+        case_of(frozen([0.35, 0.03]), 1, Measurement(channels={"level": Known(scale=0.01)}))
+    )
+    fitted = campaign.fitted
+    other = [
+        replace(seen, values=noisy, constant=seen.constant * (noisy / seen.values)[:, None])
+        for seen in fitted.observations
+        for noisy in [seen.values * np.random.default_rng(1).normal(1.0, 0.1, len(seen.values))]
+    ]
+    for one, two in zip(
+        fitted.likelihood.groups, likelihood(other, fitted.emulators).groups, strict=True
+    ):
+        assert np.array_equal(one.basis, two.basis)
+
+
+def test_places_that_are_in_doubt_are_not_ruled_out() -> None:
+    fitted = campaign_of(case_of(frozen([0.35, 0.03]), 1)).fitted
+    near, far = to_unit(PARAMETERS, np.array([[0.35, 0.03], [0.2, 0.09]]))
+    assert fitted.likelihood.ruled_out(near) > -1.0
+    assert fitted.likelihood.ruled_out(far) < -10.0
+    doubtful = replace(
+        fitted.likelihood,
+        groups=tuple(replace(g, fixed=g.fixed + 1e6 * np.eye(len(g.fixed)))
+                     for g in fitted.likelihood.groups),
+    )  # fmt: skip
+    assert doubtful.ruled_out(far) > -1.0
