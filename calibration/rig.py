@@ -34,6 +34,9 @@ class Rig(Protocol):
             ConfigError: if the rig has no such parameter.
         """
 
+    def doubts(self, conditions: Conditions) -> tuple[str, ...]:
+        """Why a simulation under these conditions may be wrong, in words."""
+
     def level(self, name: str, conditions: Conditions, parameters: tuple[str, ...]) -> Level:
         """The simulator under these conditions.
 

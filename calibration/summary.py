@@ -56,8 +56,9 @@ def summary(
     channels: Mapping[str, Channel],
     advice: tuple[Advice, ...] = (),
     without: tuple[LeftOut, ...] = (),
+    doubts: Sequence[str] = (),
 ) -> Summary:
-    """Sum up a calibration."""
+    """Sum up a calibration; `doubts` say why simulations may be wrong."""
     fitted = campaign.fitted
     posterior, outcomes = fitted.posterior, [e.outcome for e in campaign.evaluations]
     prior = _prior_draws(case)
@@ -95,7 +96,7 @@ def summary(
         combinations=combinations(made),
         trade_offs=trade_offs(made),
         further=further(made),
-        warnings=[*warnings(made), *cut_short(case, campaign.evaluations)],
+        warnings=[*warnings(made), *doubts, *cut_short(case, campaign.evaluations)],
         check=check_in_words(made),
     )
     return replace(made, words=in_words(made))

@@ -176,22 +176,29 @@ def _digits(interval: tuple[float, float]) -> int:
 
 
 def further(its: Summary) -> list[str]:
-    """Which further recording would narrow what is not determined."""
-    open_ones = [p.name for p in its.parameters if p.asked and not p.determined]
-    if not open_ones:
+    """Which further recording would narrow the parameters, first those not determined."""
+    asked = [p for p in its.parameters if p.asked]
+    names = [p.name for p in asked if not p.determined]
+    if not names and not its.advice:
         return []
     if not its.fits:
         return ["What to record next is not said: first make the simulation fit"]
     if not its.advice:
         return ["Which further recording would determine them: mfopt calibrate with --advise"]
-    lines = []
-    for name in open_ones:
-        best = min(its.advice, key=lambda a: a.narrower[name])
-        if best.narrower[name] > HARDLY:
+    known = [a for a in its.advice if min(a.narrower.values()) < 1.0]
+    lines = [
+        f"Of the further recording {a.name} nothing is known: {a.failed} of its simulations failed"
+        for a in its.advice
+        if a not in known and a.failed
+    ]
+    verb = "determine" if names else "narrow"
+    for name in names or [p.name for p in asked]:
+        best = min(known, key=lambda a: a.narrower[name], default=None)
+        if best is None or best.narrower[name] > HARDLY:
             lines.append(f"None of the {len(its.advice)} further recordings tells {name} better")
         else:
             lines.append(
-                f"To determine {name}, record next: {best.name}; its interval would shrink to "
+                f"To {verb} {name}, record next: {best.name}; its interval would shrink to "
                 f"{100 * best.narrower[name]:.0f} %"
             )
     return lines

@@ -27,6 +27,7 @@ from mfopt.records.view import DesignView
 from mfopt.settings import checked, nearest
 
 FEWEST_GRAINS, MOST_GRAINS = 20, 100_000
+JAMMING = 5.0  # simulated grains across an outlet, below which they may jam
 BESIDE = 0.1  # bounds of the one free value, over itself
 SCENE = "scene"  # the condition that chooses a scene
 HEAP = "heap"  # the scene that tells rolling from sliding friction
@@ -136,6 +137,24 @@ class SceneRig:
                 found[channel] = Channel(channel, unit, typical, quantity in can_vanish)
         return found
 
+    def doubts(self, conditions: Mapping[str, float | str]) -> tuple[str, ...]:
+        """Whether the simulated grains may jam in the outlet.
+
+        Source: Zuriguel et al. 2005, doi:10.1103/PhysRevE.71.051303: spheres jam below 4.9 of their
+        diameters.
+        """
+        kind, own = self._chosen(conditions)
+        its = self._settings(kind, own)
+        size = self.coarse * its.grain_length_mm
+        if its.outlet_mm is None or its.outlet_mm >= JAMMING * size:
+            return ()
+        less = "; give a smaller `coarse`" if self.coarse > 1.0 else ""
+        return (
+            f"the outlet of {its.outlet_mm:g} mm is {its.outlet_mm / size:.1f} simulated grains of "
+            f"{size:g} mm wide; below {JAMMING:g} they may jam, and values are those of jamming"
+            f"{less}",
+        )
+
     def parameter(self, name: str) -> RigParameter:
         """Range and unit of a parameter: of the material, or of an effect.
 
@@ -158,12 +177,16 @@ class SceneRig:
         """
         for parameter in parameters:
             self.parameter(parameter)
-        kind = str(conditions.get(SCENE, self.scene))
-        own = {key: value for key, value in conditions.items() if key != SCENE}
+        kind, own = self._chosen(conditions)
         settings = settings_of(self._scene(kind, own)).model_dump()
         level = RigLevel(name, self, kind, settings, parameters)
         level.work(frozen([self.parameter(p).low for p in parameters]))
         return level
+
+    def _chosen(self, conditions: Mapping[str, float | str]) -> tuple[str, dict[str, float | str]]:
+        """The scene that conditions choose, and the other conditions."""
+        kind = str(conditions.get(SCENE, self.scene))
+        return kind, {key: value for key, value in conditions.items() if key != SCENE}
 
     def _scene(self, kind: str, conditions: Mapping[str, Any]) -> Scene:
         """The scene, whose one design is the machine as it is given: no bounds of a search."""

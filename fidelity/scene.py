@@ -52,6 +52,11 @@ class PortionSettings(Settings):
         raise NotImplementedError
 
     @property
+    def outlet_mm(self) -> float | None:
+        """Smallest width that the grains pass; None if they pass none."""
+        return None
+
+    @property
     def wall_friction_angle(self) -> float | None:
         """Of grains on walls [rad]; None: the smaller one of the two materials' angles."""
         angle = self.wall_friction_angle_deg

@@ -53,6 +53,10 @@ class ProgramRig:
         """None: which experiments there could be is the user's to say."""
         return {}
 
+    def doubts(self, conditions: Conditions) -> tuple[str, ...]:
+        """Nothing is known of what a program lacks."""
+        return ()
+
     def parameter(self, name: str) -> RigParameter | None:
         """Nothing is known of the parameters of a program."""
         return None

@@ -90,6 +90,8 @@ def calibrate(
         for repeat in recording.repeats:
             for note in repeat.notes:
                 on.print(f"{repeat.file}: {note}")
+    for doubt in parts.doubts:
+        on.print(doubt)
     path = directory or Path("runs") / parts.case.name
     count = workers or len(os.sched_getaffinity(0))
     check_disk(path)
@@ -165,7 +167,14 @@ def _found(
         )  # fmt: skip
     others = fits_without(campaign, leave_out, parts.case)
     result = summary(
-        campaign, parts.case, parts.problem, parts.noises, parts.rig.channels, advice, others
+        campaign,
+        parts.case,
+        parts.problem,
+        parts.noises,
+        parts.rig.channels,
+        advice,
+        others,
+        parts.doubts,
     )
     return records.as_json(result), result.words, result
 

@@ -58,6 +58,7 @@ class AssembledCase:
     noises: Mapping[str, Noise]  # by channel
     text: str  # of the case file
     meaning: Mapping[str, Any]  # all that the runs depend on
+    doubts: tuple[str, ...]  # why simulations may be wrong, in words
 
 
 def assemble_case(path: Path) -> AssembledCase:
@@ -82,7 +83,8 @@ def assemble_case(path: Path) -> AssembledCase:
     channels = sorted({c for recording in case.recordings for c in recording.channels})
     noises = {c: measurement_noise(case.recordings, c, case.measurement.of(c)) for c in channels}
     meaning = _meaning(path, case, text)
-    return AssembledCase(case, rig, problem, ladder, further, noises, text, meaning)
+    doubts = tuple(f"{r.name}: {why}" for r in case.recordings for why in rig.doubts(r.conditions))
+    return AssembledCase(case, rig, problem, ladder, further, noises, text, meaning, doubts)
 
 
 def _parameters(case: Case, rig: Rig, path: Path) -> tuple[Parameter, ...]:

@@ -179,3 +179,15 @@ def test_many_failed_runs_are_a_warning() -> None:
     (line,) = warnings(summary(failed=17))
     assert line.startswith("17 of 80 simulations failed")
     assert warnings(summary(failed=16)) == []
+
+
+def test_advice_is_said_of_determined_parameters_and_of_runs_that_failed() -> None:
+    advice = (
+        Advice("a", {"linear": 0.5, "quadratic": 0.9}, 0),
+        Advice("b", {"linear": 1.0, "quadratic": 1.0}, 24),
+    )
+    assert further(summary(advice=advice)) == [
+        "Of the further recording b nothing is known: 24 of its simulations failed",
+        "To narrow linear, record next: a; its interval would shrink to 50 %",
+        "None of the 2 further recordings tells quadratic better",
+    ]

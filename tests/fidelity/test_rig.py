@@ -192,3 +192,12 @@ def test_a_table_of_a_scene_changes_single_values_of_the_grains() -> None:
     grains = {"grain": {"density_kg_m3": 1500.0, "friction_angle_deg": 25.0}}
     grain = level(rig("discharge", tables, grains=grains), {}).settings["grain"]
     assert (grain["density_kg_m3"], grain["friction_angle_deg"]) == (1200.0, 25.0)
+
+
+def test_grains_that_may_jam_are_said() -> None:
+    (said,) = rig("discharge", coarse=3.0).doubts({"opening_mm": 30.0})
+    assert "outlet of 30 mm is 2.0 simulated grains of 15 mm wide" in said
+    assert "give a smaller `coarse`" in said
+    assert rig("discharge", coarse=1.0).doubts({"opening_mm": 30.0}) == ()
+    assert rig("discharge", coarse=3.0).doubts({"scene": "heap"}) == ()
+    assert "the outlet of 70 mm" in rig("dosing", coarse=12.0).doubts({})[0]

@@ -47,6 +47,12 @@ class Hopper(Vessel):
             )
         return self
 
+    @property
+    def outlet_mm(self) -> float:
+        """The smaller side of the outlet."""
+        values = self.all_values()
+        return min(values["opening"], values["opening_depth"])
+
     def all_values(self) -> dict[str, float]:
         """Value of every measure that can be free [mm, deg]."""
         depth = self.depth_mm if self.opening_depth_mm is None else self.opening_depth_mm

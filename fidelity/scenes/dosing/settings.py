@@ -140,6 +140,12 @@ class DosingSettings(PortionSettings):
         """Volume of the portion's grains over that of the cup."""
         return 1e6 * self.portion_kg / self.grain.density_kg_m3 / self.cup.volume_ml
 
+    @property
+    def outlet_mm(self) -> float:
+        """The smaller side of the tube."""
+        values = self.all_values()
+        return min(values["l3"], values["w3"])
+
     def all_values(self) -> dict[str, float]:
         """Value of every design parameter: the hole as the cup asks, straight from hole to tube.
 
