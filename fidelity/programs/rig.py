@@ -208,6 +208,8 @@ def _loaded(file: str, name: str) -> Any:
     if spec is None or spec.loader is None:
         raise ConfigError(f"rig.function: {file} is no Python file; write FILE.py:NAME")
     module = importlib.util.module_from_spec(spec)
+    if (folder := str(path.parent.absolute())) not in sys.path:
+        sys.path.insert(0, folder)  # so that the file can import its neighbours
     try:
         with redirect_stdout(sys.stderr):
             spec.loader.exec_module(module)

@@ -45,6 +45,19 @@ def function(tmp_path: Path) -> ProgramRig:
     return ProgramRig(CHANNELS, function=(str(tmp_path / "fall.py"), "fall"))
 
 
+def test_a_function_may_import_a_file_beside_it(tmp_path: Path) -> None:
+    (tmp_path / "neighbour_of_the_case.py").write_text("HEIGHT = 3.0\n")
+    (tmp_path / "with_neighbour.py").write_text(
+        "from neighbour_of_the_case import HEIGHT\n"
+        "def f(parameters, conditions, seed):\n"
+        "    return {'time': [0.0, 1.0], 'height': [HEIGHT, 0.0]}\n"
+    )
+    rig = ProgramRig(CHANNELS, function=(str(tmp_path / "with_neighbour.py"), "f"))
+    outcome = rig.level("drop", {}, ()).evaluate(np.array([]), seed=1)
+    assert outcome.finished, outcome.why
+    assert outcome.raw["height"][0] == 3.0
+
+
 def test_a_function_and_a_command_give_the_same(function: ProgramRig, tmp_path: Path) -> None:
     (tmp_path / "program.py").write_text(PROGRAM)
     command = ProgramRig(CHANNELS, command=(sys.executable, str(tmp_path / "program.py")))

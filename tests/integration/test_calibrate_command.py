@@ -129,14 +129,19 @@ def test_the_report_is_there_with_pictures_and_can_be_written_again(done: Path) 
     assert (done / "report.pdf").read_bytes().startswith(b"%PDF")
 
 
-@pytest.mark.parametrize("command", ["status", "report"])
-def test_a_calibration_that_has_not_ended_is_refused(done: Path, command: str) -> None:
+def test_a_calibration_that_has_not_ended_has_a_status_and_no_report(done: Path) -> None:
     kept = (done / "calibration.json").read_bytes()
     (done / "calibration.json").unlink()
-    result = CliRunner().invoke(app, [command, str(done)])
+    told, refused, counted = (
+        CliRunner().invoke(app, words)
+        for words in (["status", str(done)], ["report", str(done)], ["status", str(done), "--json"])
+    )
     (done / "calibration.json").write_bytes(kept)
-    assert result.exit_code == 2
-    assert "has not ended" in result.output
+    assert told.exit_code == 0
+    assert "50 of 50 simulations are made, 0 failed" in " ".join(told.output.split())
+    assert json.loads(counted.output) == {"runs": 50, "planned": 50, "failed": 0}
+    assert refused.exit_code == 2
+    assert "has not ended" in refused.output
 
 
 def test_changed_recordings_are_another_calibration(case: Path, done: Path) -> None:
