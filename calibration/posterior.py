@@ -6,9 +6,11 @@ which models are compared. A run of some ten thousand likelihoods takes seconds.
 Source: Skilling 2006, doi:10.1214/06-BA127; Speagle 2020, doi:10.1093/mnras/staa278.
 """
 
+import io
 import math
 import warnings
 from collections.abc import Callable, Sequence
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 
 import numpy as np
@@ -138,15 +140,17 @@ def sample(
         u, log_density = _placed(v, box)
         return log_likelihood(transform(u)) - log_density
 
-    # Random walks from live points: ridges are thin, and uniform draws from ellipsoids miss them.
-    sampler = NestedSampler(
-        likely, lambda v: v, d + (around is not None),
-        nlive=max(live, 2 * (d + 1) + 1), sample="rwalk", bootstrap=0, rstate=rng,
-    )  # fmt: skip
     with warnings.catch_warnings():
         # A wrong model ends in a corner, where all points are as likely as numbers can tell.
         warnings.filterwarnings("ignore", message="We have reached the plateau")
-        sampler.run_nested(dlogz=STOP, print_progress=False)
+        # On an interruption dynesty prints where it was before it lets it pass.
+        with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
+            # Random walks from live points: ridges are thin, and draws from ellipsoids miss them.
+            sampler = NestedSampler(
+                likely, lambda v: v, d + (around is not None),
+                nlive=max(live, 2 * (d + 1) + 1), sample="rwalk", bootstrap=0, rstate=rng,
+            )  # fmt: skip
+            sampler.run_nested(dlogz=STOP, print_progress=False)
     results = sampler.results
     equal = results.samples_equal(rstate=rng)
     chosen = np.array([_placed(v, box)[0] for v in equal[rng.integers(0, len(equal), DRAWS)]])

@@ -132,3 +132,12 @@ def test_places_that_are_in_doubt_are_not_ruled_out() -> None:
                      for g in fitted.likelihood.groups),
     )  # fmt: skip
     assert doubtful.ruled_out(far) > -1.0
+
+
+def test_an_interruption_passes_the_sampler_in_silence(capsys: pytest.CaptureFixture[str]) -> None:
+    def interrupted(z: Array) -> float:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        sample(interrupted, [Parameter("a", 0.0, 1.0)], seed=1)
+    assert capsys.readouterr() == ("", "")
