@@ -174,7 +174,7 @@ class Physics:
     gravity: float = 9.81  # [m/s2]
     gravity_direction: tuple[float, float, float] = (0.0, 0.0, -1.0)  # unit vector
     # Of r_min sqrt(density / E), and numba scales its own step alike; None: usual for the engine.
-    timestep_factor: float | None = None
+    timestep_factor: float | None = 0.6
     rolling_friction: float = 0.0  # [-] largest rolling moment over normal force and radius
     rolling_stiffness: float = 1.0  # [-] of the rolling spring, over kt R*^2 of the contact
     adhesion_energy: float = 0.0  # [J/m2] work of adhesion; pull-off 2 pi R times it
