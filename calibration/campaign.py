@@ -68,6 +68,11 @@ class Campaign:
     predicted: tuple[Predicted, ...]
     evaluations: tuple[Evaluation, ...]
 
+    @property
+    def fresh(self) -> list[Evaluation]:
+        """The runs of the posterior, which no emulator saw."""
+        return [e for e in self.evaluations if e.candidate.purpose == "predict"]
+
 
 def calibrate(
     case: Case,

@@ -22,13 +22,12 @@ def fits_without(its: Campaign, errors: Sequence[str], case: Case) -> tuple[Left
         ConfigError: if there is no such error.
     """
     fitted, parameters = its.fitted, case.parameters
-    fresh = [e for e in its.evaluations if e.candidate.purpose == "predict"]
     names = [p.name for p in parameters]
     made = []
     for error in dict.fromkeys(errors):
         likely = likelihood(fitted.observations, fitted.emulators, without(error))
         posterior = sample(likely, parameters, seed=case.seed, around=fitted.posterior.box)
-        misfit, _ = misfit_of(likely, fitted, case, fresh)
+        misfit, _ = misfit_of(likely, fitted, case, its.fresh)
         bounds = [(float(low), float(high)) for low, high in posterior.interval()]
         made.append(LeftOut(error, dict(zip(names, bounds, strict=True)), misfit))
     return tuple(made)

@@ -103,8 +103,7 @@ def summary(
 
 
 def _checked(its: Campaign, case: Case) -> tuple[EmulatorCheck, ...]:
-    fresh = [e for e in its.evaluations if e.candidate.purpose == "predict"]
-    return check_emulators(case, its.fitted.observations, its.fitted.emulators, fresh)
+    return check_emulators(case, its.fitted.observations, its.fitted.emulators, its.fresh)
 
 
 def cut_short(case: Case, made: Sequence[Evaluation]) -> list[str]:
