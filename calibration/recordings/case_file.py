@@ -3,12 +3,14 @@
 import math
 import os
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from calibration.recordings.agreement import agreeing, check_scalars
 from calibration.recordings.case import Case, Known, Measurement
 from calibration.recordings.case_settings import (
     CaseSettings,
+    CsvSettings,
     KnownSettings,
     MeasurementSettings,
     RecordingSettings,
@@ -51,6 +53,7 @@ def complete_case(settings: CaseSettings, path: Path, channels: Channels) -> Cas
         _recording(its, settings, path, channels, limits, known) for its in settings.recording
     )
     _check_recordings(recordings, path)
+    _check_columns(settings.csv, recordings, str(path))
     return Case(
         name=settings.case.name,
         seed=settings.case.seed,
@@ -116,13 +119,7 @@ def _with_scalars(
     count = len(next(iter(columns.values())))
     made = repeats or tuple(Repeat("", {}) for _ in range(count))
     return tuple(
-        Repeat(
-            repeat.file,
-            repeat.series,
-            {name: column[i] for name, column in columns.items()},
-            repeat.notes,
-            repeat.start_sd_s,
-        )
+        replace(repeat, scalars={name: column[i] for name, column in columns.items()})
         for i, repeat in enumerate(made)
     )
 
@@ -165,6 +162,20 @@ def _check_names(names: Iterable[str], channels: Channels, where: str) -> None:
     for name in names:
         if name not in channels:
             raise ConfigError(f"{where}: the rig has no channel {name!r}{nearest(name, channels)}")
+
+
+def _check_columns(csv: CsvSettings, recordings: Iterable[Recording], where: str) -> None:
+    """See that every column that the case file speaks of is in a file; files may differ."""
+    repeats = [repeat for recording in recordings for repeat in recording.repeats]
+    there = {cell: None for repeat in repeats for cell in repeat.header if cell}
+    for key, names in (("rename", csv.rename), ("ignore", csv.ignore)):
+        for name in names:
+            if name not in there:
+                raise ConfigError(
+                    f"{where}: csv.{key}: no file has a column {name!r}; there are "
+                    f"{', '.join(map(repr, there)) or 'none'}; write the header as in the file, or "
+                    "remove the entry"
+                )
 
 
 def _check_recordings(recordings: tuple[Recording, ...], path: Path) -> None:

@@ -46,6 +46,7 @@ class Repeat:
     scalars: Mapping[str, float] = field(default_factory=dict)  # by channel, in the channel's unit
     notes: tuple[str, ...] = ()  # what was mended on reading, one sentence each
     start_sd_s: float = 0.0  # [s] 1 sd of where time 0 of the experiment lies; inf: unknown
+    header: tuple[str, ...] = ()  # of the columns of the file, as written
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -70,7 +70,7 @@ def read_repeat(
         column.channel.name: _series(column, times, values[:, k], lines, limits, path, notes)
         for k, column in enumerate(columns[1:])
     }
-    return Repeat(source.name, series, notes=tuple(notes), start_sd_s=start)
+    return Repeat(source.name, series, {}, tuple(notes), start, header.cells)
 
 
 def _with_units(table: Table) -> Table:

@@ -69,6 +69,7 @@ def calibrate(
     """Fit the parameters of a simulation to recordings, with what the recordings cannot tell."""
     from calibration.advice import RUNS as RUNS_OF_ADVICE
     from calibration.campaign import runs_of_each
+    from calibration.recordings.notes import notes_by_files
     from fidelity.engines.numba import prepare
     from fidelity.rig import SceneRig
     from mfopt.study.case import COMPARED, assemble_case  # half a second, which only this needs
@@ -86,10 +87,8 @@ def calibrate(
             "--advise needs the method posterior, and experiments to choose from: name them in "
             "tables [[possible]] of the case file"
         )
-    for recording in parts.case.recordings:
-        for repeat in recording.repeats:
-            for note in repeat.notes:
-                on.print(f"{repeat.file}: {note}")
+    for line in notes_by_files(parts.case.recordings):
+        on.print(line)
     for doubt in parts.doubts:
         on.print(doubt)
     path = directory or Path("runs") / parts.case.name

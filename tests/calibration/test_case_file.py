@@ -7,6 +7,7 @@ import pytest
 from recordings_corpus import CHANNELS, clean, read_case
 
 from calibration.recordings.case_settings import read_case_settings
+from calibration.recordings.notes import notes_by_files
 from mfopt.errors import ConfigError
 from mfopt.records.rig import Channel
 
@@ -103,6 +104,31 @@ def test_rename_makes_a_channel(tmp_path: Path) -> None:
     level = read_case(written(tmp_path, text, a=table), CHANNELS).recordings[0].repeats[0].series
     assert level["level"].times == pytest.approx([0.0, 0.1, 0.2])
     assert level["level"].values == pytest.approx([0.09, 0.08, 0.06])
+
+
+@pytest.mark.parametrize("key", ['rename = { lvl = "level [mm]" }', 'ignore = ["lvl"]'])
+def test_a_column_that_no_file_has_is_refused(tmp_path: Path, key: str) -> None:
+    text = HEAD + PARAMETER + f"[csv]\n{key}\n" + RECORDING.replace('"a.csv"', '"a.csv", "b.csv"')
+    path = written(tmp_path, text)
+    with pytest.raises(ConfigError, match=r"no file has a column 'lvl'; there are 'time \[s\]'"):
+        read_case(path, CHANNELS)
+
+
+def test_a_column_that_one_file_has_may_be_renamed(tmp_path: Path) -> None:
+    text = HEAD + PARAMETER + '[csv]\nrename = { lvl = "level [mm]" }\n'
+    text += RECORDING.replace('"a.csv"', '"a.csv", "b.csv"')
+    path = written(tmp_path, text, b=clean(1).replace("level [mm]", "lvl", 1))
+    assert read_case(path, CHANNELS).recordings[0].channels == ("level",)
+
+
+def test_a_note_is_said_once_with_the_files_that_it_holds_for(tmp_path: Path) -> None:
+    text = HEAD + PARAMETER + RECORDING.replace('"a.csv"', '"a.csv", "b.csv"')
+    a, b = (clean(seed).replace(",", ";") for seed in (0, 1))
+    case = read_case(written(tmp_path, text, a=a, b=f"# a comment\n{b}"), CHANNELS)
+    assert notes_by_files(case.recordings) == [
+        "all 2 repeats: Columns are separated by semicolons.",
+        "b.csv: 1 comment line left out.",
+    ]
 
 
 @pytest.mark.parametrize(
