@@ -70,7 +70,7 @@ def snapshots(raw: Mapping[str, AnyArray], design: DesignView) -> str | None:
     speeds = raw["snapshot_speeds"][np.isfinite(raw["snapshot_speeds"])]
     top_speed = charts.round_up(float(np.quantile(speeds, 0.99)) if speeds.size else 0.0)
     cuts = [wall_lines(design, float(t)) for t in times]
-    view = _front(cuts, positions)
+    view = _front(cuts, wall_lines(design, 0.0), positions)
     pixels = [
         _grains(view, design, positions[i], raw["snapshot_orientations"][i],
                 charts.speed_colours(raw["snapshot_speeds"][i], top_speed))
@@ -80,16 +80,18 @@ def snapshots(raw: Mapping[str, AnyArray], design: DesignView) -> str | None:
     return charts.snapshots(times, pixels, cuts, extent, top_speed)
 
 
-def _front(cuts: Sequence[Array], positions: Array) -> raster.View:
-    """The front view that holds the grains and the machine, but not the whole plate."""
+def _front(cuts: Sequence[Array], start: Array, positions: Array) -> raster.View:
+    """The front view that holds the grains and the machine, but not the whole plate.
+
+    What is lifted may leave it: it is as high as the machine at the start, or the grains.
+    """
     walls = np.concatenate(cuts).reshape(-1, 2)
+    standing = start.reshape(-1, 2)
     upright = np.concatenate([c[np.ptp(c[:, :, 1], axis=1) > 0.0] for c in cuts]).reshape(-1, 2)
     grains = positions.reshape(-1, 3)
     grains = grains[np.isfinite(grains).all(axis=1)][:, [0, 2]]
     across = np.concatenate((upright if len(upright) else walls, grains))
-    inside = (
-        np.concatenate((walls, np.quantile(grains, [0.0, 1.0], axis=0))) if len(grains) else walls
-    )
+    inside = np.concatenate((standing, grains))
     corners = np.array([
         (across[:, 0].min(), 0.0, inside[:, 1].min()),
         (across[:, 0].max(), 0.0, inside[:, 1].max()),
@@ -118,9 +120,10 @@ def wall_lines(design: DesignView, time: float) -> Array:
     if len(design.motion_times):
         since_start = design.motion_positions - design.motion_positions[0]
         moved = float(np.interp(time, design.motion_times, since_start))
+    way = np.array([0.0, moved] if design.upwards else [moved, 0.0])
     made = []
     for name, mesh in design.parts.items():
-        made.append(section(mesh) + np.array([moved if name in design.moving else 0.0, 0.0]))
+        made.append(section(mesh) + (way if name in design.moving else 0.0))
     return np.concatenate(made)
 
 

@@ -19,7 +19,7 @@ def _none() -> Array:
 class DesignView:
     """Shape, motion and bounds of one design, in the coordinates of the snapshots.
 
-    x points along the motion, z up. Whatever is left empty, the report leaves out.
+    z points up. Whatever is left empty, the report leaves out.
     """
 
     x: Array  # (d,) physical units
@@ -31,8 +31,9 @@ class DesignView:
     moving: frozenset[str] = frozenset()  # parts that follow the motion
     mover: str = ""  # what moves, in a word
     motion_times: Array = field(default_factory=_none)  # (m,) [s], from 0
-    motion_positions: Array = field(default_factory=_none)  # (m,) of the moving part along x [m]
+    motion_positions: Array = field(default_factory=_none)  # (m,) of the moving part [m]
     motion_velocities: Array = field(default_factory=_none)  # (m,) [m/s]
+    upwards: bool = False  # the motion is along z instead of x
     motion_points: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     # named points of the motion law: time [s], position [m]
     notes: tuple[str, ...] = ()  # manufacturability, one sentence each

@@ -1,5 +1,6 @@
 """Every scene that a study can name keeps the protocol of a scene."""
 
+import dataclasses
 import pickle
 from pathlib import Path
 
@@ -83,6 +84,19 @@ def test_a_design_is_drawn(name: str) -> None:
     assert set(view.parts) == set(meshes)
     assert all(np.isfinite(mesh.vertices).all() for mesh in meshes.values())
     assert len(view.grain_radii) == 1
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_pictures_of_a_run_show_its_grains_and_change_nothing(name: str, cache: Path) -> None:
+    scene = scene_named(name)
+    level = SceneLevel("coarse", scene, COARSE, NumbaEngine(), cache)
+    x = scene.problem().baseline
+    plain = level.evaluate(x, seed=2).raw
+    shown = dataclasses.replace(level, snapshots=3).evaluate(x, seed=2).raw
+    assert shown["snapshot_positions"].shape == (3, COARSE.grains, 3)
+    assert np.all(np.diff(shown["snapshot_times"]) > 0.0)
+    for key in (k for k in plain if not k.startswith("settling")):  # of the first run alone
+        np.testing.assert_array_equal(plain[key], shown[key])
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from fidelity.scenes.heap.scene import Heap
 from mfopt.arrays import Array
 from mfopt.campaign.store import RunDirectory
 from mfopt.records.view import DesignView
@@ -101,3 +102,11 @@ def test_the_cup_is_drawn_where_its_motion_has_taken_it(
         time, place = view.motion_times[i], view.motion_positions[i] - view.motion_positions[0]
         middle = wall_lines(only_cup, time)[:, :, 0].mean()
         assert middle == pytest.approx(start + place, abs=1e-9)
+
+
+def test_a_cylinder_is_drawn_as_high_as_it_was_lifted() -> None:
+    heap = Heap()
+    view = heap.view(heap.problem().baseline, None)
+    only_cylinder = dataclasses.replace(view, parts={"cylinder": view.parts["cylinder"]})
+    start, half, end = (wall_lines(only_cylinder, time)[:, :, 1].min() for time in (0.0, 0.75, 1.7))
+    assert (start, half, end) == pytest.approx((0.0, 0.075, 0.15))  # 100 mm/s, up to 150 mm

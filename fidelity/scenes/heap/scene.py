@@ -27,6 +27,7 @@ from mfopt.arrays import AnyArray, Array, frozen
 from mfopt.limits import Bounds, Degrees, Millimetres, Milliseconds
 from mfopt.records.objective import Criteria, Objective, Quantity, Raw
 from mfopt.records.problem import Problem
+from mfopt.records.view import DesignView
 from mfopt.settings import Settings
 
 WORK_SHARE = 1.0  # all spheres stay
@@ -159,3 +160,17 @@ class Heap(VesselScene):
         """Cylinder and plate."""
         its = built(self.settings, x)
         return {"cylinder": cylinder_mesh(its, HEIGHT * its.radius), "plate": plate_mesh(its)}
+
+    def view(self, x: Array, dem: DemSettings | None) -> DesignView:
+        """Cylinder and plate, the lift, and the grains of the target level."""
+        its = built(self.settings, x)
+        up_s = its.lift_height / its.lift_speed
+        return replace(
+            super(Heap, self).view(x, dem),
+            moving=frozenset({"cylinder"}),
+            mover="cylinder",
+            upwards=True,
+            motion_times=frozen([0.0, up_s, up_s, up_s + its.rest]),
+            motion_positions=frozen([0.0, its.lift_height, its.lift_height, its.lift_height]),
+            motion_velocities=frozen([its.lift_speed, its.lift_speed, 0.0, 0.0]),
+        )

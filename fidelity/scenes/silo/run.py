@@ -29,6 +29,7 @@ from mfopt.errors import ConfigError
 
 AVERAGED = 0.1  # [s] at the end of the run
 SNAPSHOTS = 11  # in that time
+WALL_FORCES = "snapshot_wall_forces"
 FLOOR = "floor"  # all other walls are sides
 
 
@@ -102,10 +103,10 @@ def silo_load(setup: Setup, movement: Movement) -> SiloLoad:
     Raises:
         ConfigError: if the engine keeps no forces on walls.
     """
-    forces = movement.snapshots.get("snapshot_wall_forces")
+    forces = movement.snapshots.get(WALL_FORCES)
     if forces is None:
         raise ConfigError(
-            "the engine keeps no forces on walls; choose one that gives snapshot_wall_forces"
+            f"the engine keeps no forces on walls; choose one that gives {WALL_FORCES}"
         )
     weight = len(movement.positions) * setup.grain.mass * setup.physics.gravity
     down = -forces[:, :, 2] / weight  # (s, w)

@@ -8,13 +8,21 @@ import numpy as np
 from pydantic import Field
 
 from fidelity.engine import Movement, Packing, Setup
-from fidelity.grains.filling import filling_time, rectangle, strip
+from fidelity.grains.filling import filling_time, plane, rectangle, strip
 from fidelity.grains.settings import MILLI, DemSettings
 from fidelity.scene import Cycle, raw_of
 from fidelity.scenes.beads import Vessel, VesselScene, checked_design, problem_of
-from fidelity.scenes.silo.run import SiloSettings, check_silo, silo_load, silo_setup
+from fidelity.scenes.silo.run import (
+    FLOOR,
+    SNAPSHOTS,
+    WALL_FORCES,
+    SiloSettings,
+    check_silo,
+    silo_load,
+    silo_setup,
+)
 from geometry.mesh import Mesh
-from mfopt.arrays import AnyArray, Array
+from mfopt.arrays import AnyArray, Array, frozen
 from mfopt.limits import Bounds, Kilograms, Millimetres, Milliseconds
 from mfopt.records.objective import Criteria, Objective, Quantity, Raw
 from mfopt.records.problem import Problem
@@ -104,25 +112,35 @@ class Silo(VesselScene):
     def setup(
         self, x: Array, dem: DemSettings, packing: Packing | None, seed: int, moments: int
     ) -> Setup:
-        """Loose grains above the floor."""
-        return silo_setup(built(self.settings, x), self.portion(x, dem), seed)
+        """Loose grains above the floor; `moments` pictures, the last one at rest."""
+        setup = silo_setup(built(self.settings, x), self.portion(x, dem), seed)
+        falling = np.linspace(0.0, float(setup.snapshot_times[0]), moments + 1)[1:-1]
+        return replace(setup, snapshot_times=frozen([*falling, *setup.snapshot_times]))
 
     def results(
         self, x: Array, dem: DemSettings, setup: Setup, movement: Movement, seed: int
     ) -> tuple[dict[str, AnyArray], str | None]:
         """What floor and walls carry at rest."""
-        told = silo_load(setup, movement)
+        at_rest = {name: taken[-SNAPSHOTS:] for name, taken in movement.snapshots.items()}
+        told = silo_load(setup, replace(movement, snapshots=at_rest))
         values = {
             "wall_share": told.wall_share, "floor_share": told.floor_share,
             "shares": told.shares, "fill_height": told.fill_height,
         }  # fmt: skip
-        return raw_of(values, setup, replace(movement, snapshots={})), None
+        pictures = len(setup.snapshot_times) - SNAPSHOTS
+        shown = {
+            name: np.concatenate((taken[:pictures], taken[-1:]))
+            for name, taken in movement.snapshots.items()
+            if pictures > 0 and name != WALL_FORCES
+        }
+        return raw_of(values, setup, replace(movement, snapshots=shown)), None
 
     def meshes(self, x: Array) -> Mapping[str, Mesh]:
-        """The side walls, as high as the grains stand."""
+        """The floor, and the side walls as high as the grains stand."""
         width, height = built(self.settings, x).width, self._height(x, POURED)
         corners = np.array(rectangle(width, width, 0.0) + rectangle(width, width, height))
-        return {"sides": Mesh(corners, np.array(strip(np.arange(4), np.arange(4, 8))))}
+        sides = Mesh(corners, np.array(strip(np.arange(4), np.arange(4, 8))))
+        return {"sides": sides, FLOOR: plane(width, width, 0.0)}
 
     def _height(self, x: Array, solid: float) -> float:
         """Height [m] that the grains fill, at a solid share."""
