@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from mfopt.campaign.differences import Difference, differences, named
-from mfopt.campaign.store import RunDirectory, create, open_run
+from mfopt.campaign.store import HELD, RunDirectory, clear, create, open_run
 from mfopt.errors import ConfigError
 from mfopt.files.whole import disk_errors_named
 from mfopt.records.evaluation import Reference
@@ -19,7 +19,7 @@ LEAST_DISK = 100e6  # [bytes] a run of 1000 evaluations of 1000 grains takes abo
 
 # Entries of the header that say what a run is. Others say when, where and by how many it is made.
 MEANING = (
-    "mfopt_version", "versions", "settings", "variables", "baseline", "objective",
+    "mfopt_version", "versions", "settings", "variables", "baseline", "conditions", "objective",
     "objective_settings", "objective_unit", "seed", "method", "levels",
 )  # fmt: skip
 REMEDY = "resume with what it was begun with, or give another directory"
@@ -36,7 +36,9 @@ def begin(
     """Create the run directory, or make sure that it holds this very run.
 
     A run that is there may have a smaller budget, fewer generations or fewer seeds of the
-    confirmation. Then it is extended, and goes on from what was made for the smaller one.
+    confirmation, or be a calibration to other recordings. Then it is extended: runs that were made
+    are used wherever they are asked for again. A run of which nothing finished is begun anew,
+    unless it is resumed as it is.
     To be called within `mfopt.campaign.store.writing`, so that of two starts only one goes on.
 
     Args:
@@ -47,19 +49,27 @@ def begin(
         criteria: how its runs are judged.
 
     Raises:
-        ConfigError: if there is a run and `resume` is off, if it is another one than `header` says,
-            or if it cannot be written.
+        ConfigError: if runs have finished there and `resume` is off, if it is another one than
+            `header` says, or if it cannot be written.
     """
-    if not (resume and os.path.lexists(path / "run.json")):
+    if not os.path.lexists(path / "run.json"):
         return create(path, study, header, criteria)
     run, now = open_run(path, criteria), json.loads(json.dumps(header))
+    if "conditions" in now:  # those of levels that are gone stay: a name has them for good
+        now["conditions"] = {**run.header.get("conditions", {}), **now["conditions"]}
     found = list(differences(_meaning(run.header), _meaning(now)))
-    if others := [difference for difference in found if not _grown(difference)]:
+    others = [difference for difference in found if not _goes_on(difference)]
+    if run.nothing_finished and (others or not resume):
+        clear(path)
+        return create(path, study, header, criteria)
+    if not resume:
+        raise ConfigError(f"{path} {HELD}")
+    if others:
         raise ConfigError(f"{path} holds another run than the one given: {named(others)}; {REMEDY}")
     if found:
-        settings = now["settings"]
+        changed = {key: now[key] for key in ("settings", "conditions") if key in now}
         spent = budgets(run.header) + budgets(now)
-        run.extend({"settings": settings, "budgets": list(dict.fromkeys(spent))}, study)
+        run.extend({**changed, "budgets": list(dict.fromkeys(spent))}, study)
     elif not _holds_its_study(run):
         run.extend({}, study)
     return run
@@ -79,8 +89,8 @@ def _meaning(header: Mapping[str, Any]) -> dict[str, Any]:
     return {key: header.get(key) for key in MEANING}
 
 
-def _grown(difference: Difference) -> bool:
-    """Whether a run can go on with this difference, because it only asks for more."""
+def _goes_on(difference: Difference) -> bool:
+    """Whether a run can go on with this difference: all that was run stays what it is."""
     match difference.place:
         case (
             ("settings", "search", "budget")
@@ -91,6 +101,10 @@ def _grown(difference: Difference) -> bool:
         ):
             old, new = difference.old, difference.new
             return isinstance(old, int | float) and isinstance(new, int | float) and new > old
+        case ("settings", "fit"):
+            return True
+        case ("conditions", _):
+            return difference.old is None
     return False
 
 

@@ -37,6 +37,7 @@ from mfopt.records.evaluation import Candidate, Evaluation, Generation, Insight,
 from mfopt.records.objective import OWN, Criteria, value
 from mfopt.records.outcome import Outcome
 
+HELD = "holds a run already; use --resume, or another directory"
 SAME_OBJECTIVE = 1e-9  # relative: another processor may add in another order
 MOST_IN_LINE = 16_000  # [bytes] arrays of a run that its line holds; more are a file
 
@@ -102,6 +103,12 @@ class RunDirectory:
     def kept(self) -> int:
         """Evaluations made before an extension, and not used again so far."""
         return len(self._earlier)
+
+    @property
+    def nothing_finished(self) -> bool:
+        """Whether no run has finished, those before an extension included."""
+        made = (*self._stored.values(), *self._earlier.values())
+        return all(its["status"] != "finished" for its in made)
 
     @property
     def purposes(self) -> set[str]:
@@ -306,7 +313,7 @@ def create(
         ConfigError: if there is a run already, or the directory cannot be written.
     """
     if os.path.lexists(path / "run.json"):
-        raise ConfigError(f"{path} holds a run already; use --resume, or another directory")
+        raise ConfigError(f"{path} {HELD}")
     journal = path / "journal.jsonl"
     with disk_errors_named(journal, "read"):
         if os.path.lexists(journal) and journal.stat().st_size:
@@ -321,6 +328,19 @@ def create(
     write_aside(journal, b"")
     write_aside(path / "run.json", json.dumps(header, indent=2).encode())
     return RunDirectory(path, header, criteria)
+
+
+def clear(path: Path) -> None:
+    """Remove the run at `path`, of which nothing is worth keeping.
+
+    Raises:
+        ConfigError: if the disk refuses it.
+    """
+    with disk_errors_named(path, "write"):
+        write_aside(path / "journal.jsonl", b"")  # first: a run without evaluations is whole
+        for file in (path / "outcomes").glob("*.h5"):
+            file.unlink()
+        (path / "run.json").unlink()
 
 
 def open_run(path: Path, criteria: Criteria = OWN) -> RunDirectory:

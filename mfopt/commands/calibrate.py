@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 RUNS = 200
 MOMENTS = 4  # at which the grains of the best fit are drawn
 RESULT = {"posterior": records.FILE, "lbfgsb": "least-squares.json"}
+WRITTEN = ("material.toml", "report.html", "report.pdf")  # beside the result
 
 
 class Method(StrEnum):
@@ -100,6 +101,11 @@ def calibrate(
         meant = {"runs": runs, "method": method.value}
         now = _header(parts, COMPARED, meant, count)
         into = begin(path, parts.text, now, resume=resume, criteria=COMPARED)
+        if into.kept:
+            on.print(f"{into.kept} runs made before are used wherever the fit asks for them again")
+        if into.end is None:  # what is there is of other recordings
+            for name in (RESULT[method], *WRITTEN):
+                (path / name).unlink(missing_ok=True)
         columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(),
                    TimeRemainingColumn())  # fmt: skip
         runner = Runner(local_processes(count))
@@ -212,8 +218,9 @@ def _draw_best_fits(parts: "AssembledCase", found: records.Summary, path: Path) 
 def _header(
     parts: "AssembledCase", criteria: Criteria, meant: Mapping[str, object], workers: int
 ) -> dict[str, object]:
-    return header(
+    its = header(
         parts.problem, parts.ladder, name=parts.case.name, seed=parts.case.seed,
         method=CALIBRATE, objective="none", criteria=criteria, workers=workers,
         packages=CALIBRATED_WITH, settings={**meant, **parts.meaning},
     )  # fmt: skip
+    return its | {"conditions": parts.conditions}

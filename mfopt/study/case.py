@@ -1,6 +1,5 @@
 """From a case file to recordings, parameters and the simulator that they are compared with."""
 
-import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,7 +9,7 @@ from pydantic import Field, field_validator
 
 from calibration.recordings.case import Case, Parameter
 from calibration.recordings.case_file import complete_case
-from calibration.recordings.case_settings import read_case_settings
+from calibration.recordings.case_settings import CaseSettings, read_case_settings
 from calibration.recordings.noise import measurement_noise
 from calibration.recordings.records import Noise
 from calibration.rig import Conditions, Rig
@@ -20,6 +19,7 @@ from fidelity.rig import SCENE, SceneRig
 from fidelity.scenes.beads import Vessel
 from mfopt.arrays import frozen
 from mfopt.errors import ConfigError, InvalidDesign
+from mfopt.files.array_file import digest
 from mfopt.limits import Name, TimeLimit, Word
 from mfopt.records.level import Ladder, Level
 from mfopt.records.objective import Criteria, Objective
@@ -57,7 +57,8 @@ class AssembledCase:
     possible: tuple[Level, ...]  # further experiments, by what they are called
     noises: Mapping[str, Noise]  # by channel
     text: str  # of the case file
-    meaning: Mapping[str, Any]  # all that the runs depend on
+    meaning: Mapping[str, Any]  # what runs depend on beside conditions and ranges; `fit`: the rest
+    conditions: Mapping[str, Conditions]  # of each recording and further experiment, by its name
     doubts: tuple[str, ...]  # why simulations may be wrong, in words
 
 
@@ -80,11 +81,15 @@ def assemble_case(path: Path) -> AssembledCase:
     )
     given = {p.name: p.conditions for p in settings.possible}
     further = _levels(rig, given, names) if given else _possible_levels(rig, names)
+    recorded = {r.name: r.conditions for r in case.recordings}
+    conditions: dict[str, Conditions] = {**recorded, **(given or rig.possible)}
     channels = sorted({c for recording in case.recordings for c in recording.channels})
     noises = {c: measurement_noise(case.recordings, c, case.measurement.of(c)) for c in channels}
-    meaning = _meaning(path, case, text)
+    meaning = {**_meaning(path, case), "fit": _fit(path, settings)}
     doubts = tuple(f"{r.name}: {why}" for r in case.recordings for why in rig.doubts(r.conditions))
-    return AssembledCase(case, rig, problem, ladder, further, noises, text, meaning, doubts)
+    return AssembledCase(
+        case, rig, problem, ladder, further, noises, text, meaning, conditions, doubts
+    )
 
 
 def _parameters(case: Case, rig: Rig, path: Path) -> tuple[Parameter, ...]:
@@ -215,11 +220,20 @@ def _engine(name: DemName, options: EngineOptions, where: str) -> Engine:
     return engine
 
 
-def _meaning(path: Path, case: Case, text: str) -> dict[str, Any]:
-    """The case file and the files that it names, by digest: recordings and the user's function."""
-    named = {r.file.split(" (")[0] for its in case.recordings for r in its.repeats} - {""}
-    if function := str(case.rig.get("function", "")):
-        named.add(function.partition(":")[0])
-    files = sorted(named)
-    digests = {f: hashlib.sha256((path.parent / f).read_bytes()).hexdigest()[:16] for f in files}
-    return {"case": hashlib.sha256(text.encode()).hexdigest()[:16], "files": digests}
+def _meaning(path: Path, case: Case) -> dict[str, Any]:
+    """What no run may differ in: the rig, the content of the user's function, the priors."""
+    its: dict[str, Any] = {
+        "rig": case.rig,
+        "prior": {p.name: None if p.mean is None else [p.mean, p.sd] for p in case.parameters},
+    }
+    if file := str(case.rig.get("function", "")).partition(":")[0]:
+        its[f"content of {file}"] = digest((path.parent / file).read_bytes())[:16]
+    return its
+
+
+def _fit(path: Path, settings: CaseSettings) -> str:
+    """Digest of what only decides which runs are asked for: recordings and how they are read."""
+    tables = settings.model_dump_json(include={"measurement", "csv", "recording", "possible"})
+    files = sorted({file for its in settings.recording for file in its.files})
+    contents = [digest((path.parent / file).read_bytes()) for file in files]
+    return digest("\n".join([tables, *contents]).encode())

@@ -7,11 +7,15 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from campaigns import PLAN, STUDY
 from typer.testing import CliRunner, Result
 
+from mfopt.campaign.store import create
 from mfopt.commands.app import app
+from mfopt.records.evaluation import Candidate, Evaluation
+from mfopt.records.outcome import Outcome
 
 GOOD = STUDY.format(engine='"bullet"')
 
@@ -176,7 +180,7 @@ def test_run_directory_is_not_written_over(tmp_path: Path) -> None:
     study.write_text(GOOD)
     run.mkdir()
     (run / "run.json").write_text('{"format": 1}')
-    assert "--resume" in refused(mfopt("run", study, "-d", run))
+    assert "format 1" in refused(mfopt("run", study, "-d", run))
     (run / "run.json").write_text('{"format": 0}')
     assert "format 0" in refused(mfopt("run", study, "-d", run, "--resume"))
     assert json.loads((run / "run.json").read_text()) == {"format": 0}
@@ -184,11 +188,13 @@ def test_run_directory_is_not_written_over(tmp_path: Path) -> None:
 
 
 def test_resume_with_another_study_or_version_is_refused(tmp_path: Path) -> None:
-    from mfopt.campaign.store import create
-
     study, run = tmp_path / "study.toml", tmp_path / "run"
     study.write_text(GOOD)
-    create(run, GOOD, {"mfopt_version": "0.0.0"})
+    x = np.zeros(1)
+    outcome = Outcome(x, "a", 1, "finished", None, {})
+    made = Evaluation(Candidate(0, x, "a", 1, 0, "search"), outcome, 0.5)
+    create(run, GOOD, {"mfopt_version": "0.0.0"}).add_evaluation(made)
+    assert "holds a run already; use --resume" in refused(mfopt("run", study, "-d", run))
     said = refused(mfopt("run", study, "-d", run, "--resume"))
     assert "holds another run than the one given: mfopt_version 0.0.0 (now " in said
 

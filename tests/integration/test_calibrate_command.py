@@ -144,17 +144,6 @@ def test_a_calibration_that_has_not_ended_has_a_status_and_no_report(done: Path)
     assert "has not ended" in refused.output
 
 
-def test_changed_recordings_are_another_calibration(case: Path, done: Path) -> None:
-    file = case.parent / "slot30-1.csv"
-    kept = file.read_text()
-    file.write_text(kept.replace("57.55", "57.65"))
-    given = ["calibrate", str(case), "-d", str(done), *COARSE, "--resume"]
-    result = CliRunner().invoke(app, given)
-    file.write_text(kept)
-    assert result.exit_code == 2
-    assert "slot30-1.csv" in result.output
-
-
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [

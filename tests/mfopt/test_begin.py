@@ -24,6 +24,12 @@ def made(purpose: Purpose) -> Evaluation:
     return Evaluation(Candidate(0, x, "fine-yade", 1, 0, purpose), outcome, 0.5)
 
 
+def failed() -> Evaluation:
+    its = made("search")
+    outcome = replace(its.outcome, status="crashed", why="wrong function", raw={})
+    return replace(its, outcome=outcome, objective=np.inf)
+
+
 def noted(
     path: Path, *given: Reference | None, after: Evaluation | None = None
 ) -> Reference | None:
@@ -113,7 +119,7 @@ def test_what_does_not_change_the_meaning_goes_on(tmp_path: Path) -> None:
 def test_another_run_is_refused_by_what_differs(
     now: dict[str, object], message: str, tmp_path: Path
 ) -> None:
-    begin(tmp_path, "", described(), resume=False)
+    begin(tmp_path, "", described(), resume=False).add_evaluation(made("search"))
     with pytest.raises(ConfigError, match=f"another run than the one given: .*{message}"):
         begin(tmp_path, "", now, resume=True)
     assert open_run(tmp_path).end is None
@@ -141,8 +147,57 @@ def test_a_run_is_extended_by_what_asks_for_more(now: dict[str, object], tmp_pat
     np.testing.assert_equal(dict(run.header["settings"]), json.loads(json.dumps(now["settings"])))
 
 
+def test_a_calibration_goes_on_with_other_recordings_and_never_mixes_conditions(
+    tmp_path: Path,
+) -> None:
+    def calibration(fit: str, **conditions: float) -> dict[str, object]:
+        by_level = {level: {"opening_mm": mm} for level, mm in conditions.items()}
+        return described(settings={"fit": fit}, conditions=by_level)
+
+    run = begin(tmp_path, "one", calibration("one", a=1.0, b=2.0), resume=False)
+    run.add_evaluation(made("search"))
+    run = begin(tmp_path, "two", calibration("two", a=1.0, c=3.0), resume=True)
+    assert (run.kept, run.study()) == (1, "two")
+    for again, message in (
+        (calibration("two", a=1.0, c=4.0), r"conditions c opening_mm 3\.0 \(now 4\.0\)"),
+        (calibration("one", a=1.0, b=9.0), r"conditions b opening_mm 2\.0 \(now 9\.0\)"),
+    ):
+        with pytest.raises(ConfigError, match=f"another run than the one given: {message}"):
+            begin(tmp_path, "", again, resume=True)
+    assert begin(tmp_path, "one", calibration("one", a=1.0, b=2.0), resume=True).kept == 1
+
+
+@pytest.mark.parametrize(
+    ("now", "resume"),
+    [(described(seed=2), True), (described(seed=2), False), (described(), False)],
+)
+def test_a_run_of_which_nothing_finished_is_begun_anew(
+    now: dict[str, object], resume: bool, tmp_path: Path
+) -> None:
+    begin(tmp_path, "wrong", described(), resume=False).add_evaluation(failed())
+    run = begin(tmp_path, "right", now, resume=resume)
+    assert (run.made, run.study(), run.header["seed"]) == (0, "right", now["seed"])
+    run.add_evaluation(made("search"))
+    assert open_run(tmp_path).made == 1
+
+
+def test_a_run_of_which_nothing_finished_goes_on_as_it_is(tmp_path: Path) -> None:
+    begin(tmp_path, "", described(), resume=False).add_evaluation(failed())
+    assert begin(tmp_path, "", described(), resume=True).made == 1
+
+
+def test_a_run_of_which_something_finished_is_kept(tmp_path: Path) -> None:
+    run = begin(tmp_path, "", described(), resume=False)
+    its = made("search")
+    run.add_evaluation(failed())
+    run.add_evaluation(replace(its, candidate=replace(its.candidate, index=1)))
+    with pytest.raises(ConfigError, match="holds a run already; use --resume"):
+        begin(tmp_path, "", described(), resume=False)
+    assert open_run(tmp_path).made == 2
+
+
 def test_budgets_are_spent_one_after_the_other(tmp_path: Path) -> None:
-    begin(tmp_path, "", described(), resume=False)
+    begin(tmp_path, "", described(), resume=False).add_evaluation(made("search"))
     for budget in (30.0, 30.0, 45.0):
         run = begin(tmp_path, "", with_settings("search", budget=budget), resume=True)
     assert budgets(run.header) == budgets(open_run(tmp_path).header) == [20.0, 30.0, 45.0]
