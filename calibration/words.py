@@ -10,6 +10,7 @@ from mfopt.records.calibration import Compared, EmulatorCheck, Found, LeftOut, S
 DETERMINED = 0.5  # of the prior's interval: a narrower posterior says something
 WELL_DETERMINED = 0.25  # of the prior's standard deviation, of a combination
 MISFIT = 0.01  # probability of a larger misfit, below which a fit is doubtful
+CORRELATED = 0.5  # the least correlation for which a combination is worth a sentence
 NAMED = 0.2  # of the largest weight: smaller ones are left out of a combination's name
 MANY_FAILED = 0.2  # of the runs: more leave gaps in the ranges
 SEPARATE = 0.25  # of an interval: wider gaps between draws do not come by chance
@@ -216,20 +217,25 @@ def error_in_words(its: Compared) -> str:
 
 
 def combinations(its: Summary) -> list[str]:
-    """Combinations that are known much better, or hardly at all, than single parameters say."""
+    """Combinations that are known much better, or hardly at all, than single parameters say.
+
+    Where the named parameters hardly correlate, single parameters say it all.
+    """
     if all(p.determined for p in its.parameters if p.asked) or len(its.parameters) < 2:
         return []
+    place = {p.name: i for i, p in enumerate(its.parameters)}
     lines = []
     for direction in its.directions:
         largest = max(abs(w) for w in direction.weights.values())
-        its_names = {n: w for n, w in direction.weights.items() if abs(w) >= NAMED * largest}
-        if len(its_names) < 2:
+        named = {n: w for n, w in direction.weights.items() if abs(w) >= NAMED * largest}
+        pairs = pairs_of((place[n] for n in named), 2)
+        if max((abs(its.correlation[i][j]) for i, j in pairs), default=0.0) < CORRELATED:
             continue
-        sign = 1.0 if max(its_names.values(), key=abs) > 0 else -1.0
-        name = " ".join(f"{'+' if sign * w > 0 else '-'} {n}" for n, w in its_names.items())
-        name = name.removeprefix("+ ")
+        first = next(iter(named.values()))
+        name = " ".join(f"{'+' if first * w > 0 else '-'} {n}" for n, w in named.items())
+        said = f"The combination {name.removeprefix('+ ')} is"
         if direction.ratio < WELL_DETERMINED:
-            lines.append(f"Determined together: {name}")
+            lines.append(f"{said} determined")
         elif direction.ratio > DETERMINED:
-            lines.append(f"Not determined together: {name} can change without a visible difference")
+            lines.append(f"{said} not determined: it can change without a visible difference")
     return lines

@@ -10,13 +10,22 @@ from calibration.summary import edge_of
 from calibration.words import (
     STRONG,
     check_in_words,
+    combinations,
     further,
     in_words,
     parameter_in_words,
     trade_offs,
     warnings,
 )
-from mfopt.records.calibration import Advice, Compared, EmulatorCheck, Found, LeftOut, Summary
+from mfopt.records.calibration import (
+    Advice,
+    Compared,
+    Direction,
+    EmulatorCheck,
+    Found,
+    LeftOut,
+    Summary,
+)
 
 
 def found(name: str, **changed: Any) -> Found:
@@ -191,3 +200,20 @@ def test_advice_is_said_of_determined_parameters_and_of_runs_that_failed() -> No
         "To narrow linear, record next: a; its interval would shrink to 50 %",
         "None of the 2 further recordings tells quadratic better",
     ]
+
+
+def test_a_combination_is_named_from_its_first_parameter_and_only_where_parameters_correlate() -> (
+    None
+):
+    lost = (found("linear", determined=False), found("quadratic", determined=False))
+    along = Direction({"linear": -0.7, "quadratic": -0.7}, 0.9)
+    across = Direction({"linear": -0.7, "quadratic": 0.7}, 0.1)
+    ridge = summary(
+        parameters=lost, directions=(across, along), correlation=[[1.0, 0.8], [0.8, 1.0]]
+    )
+    assert combinations(ridge) == [
+        "The combination linear - quadratic is determined",
+        "The combination linear + quadratic is not determined: it can change without a visible "
+        "difference",
+    ]
+    assert combinations(replace(ridge, correlation=[[1.0, 0.3], [0.3, 1.0]])) == []

@@ -68,7 +68,7 @@ def summary(**changed: Any) -> Summary:
         name="invented-beads",
         parameters=parameters,
         directions=(Direction({"friction": 1.0, "restitution": 0.0, "young_modulus": 0.0}, 0.1),),
-        combinations=["Not determined together: restitution - young_modulus"],
+        combinations=["The combination restitution - young_modulus is not determined"],
         trade_offs=[],
         correlation=[[1.0, 0.2, -0.1], [0.2, 1.0, -0.5], [-0.1, -0.5, 1.0]],
         draws=draws(rng, parameters),
