@@ -1,15 +1,17 @@
-"""`mfopt check`: what a study is about, what it would run, and what that would cost."""
+"""`mfopt check`: what a study or case is about, what it would run, and what that would cost."""
 
 from collections.abc import Mapping
 from contextlib import closing
+from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import RenderableType
 from rich.table import Table
 
+from mfopt.commands.check_case import check_case, is_case
 from mfopt.commands.ladder import ladder_table, spending
-from mfopt.commands.shared import StudyFile, screen
+from mfopt.commands.shared import duration, screen
 from mfopt.commands.workers import new_runner, prepare_engines, started, workers_of
 from mfopt.records.level import Level
 from mfopt.study.assemble import Assembled, assemble
@@ -18,12 +20,16 @@ from mfopt.study.material import read_with_material
 
 
 def check(
-    study_file: StudyFile,
+    study_file: Annotated[Path, typer.Argument(help="study file or case file (TOML)")],
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="start every level once, and measure its time")
+        bool,
+        typer.Option("--dry-run", help="run every level or recording once, and measure the time"),
     ] = False,
 ) -> None:
-    """Read a study and say what `mfopt run` would do and cost."""
+    """Read a study or a case, and say what `mfopt run` or `mfopt calibrate` would do and cost."""
+    if is_case(study_file):
+        check_case(study_file, dry_run=dry_run)
+        return
     study, _, taken = read_with_material(study_file)
     parts = assemble(study, where=str(study_file))
     for part in described(study, parts):
@@ -80,14 +86,6 @@ def _cpu_s(study: Study, parts: Assembled, rates: Mapping[str, float]) -> float:
         return after + study.search.budget * full_run
     stages = study.search.stages(study.problem.objective)
     return after + sum(stage.runs * time_of(parts.ladder[stage.level]) for stage in stages)
-
-
-def duration(seconds: float) -> str:
-    """A time in the units that people use."""
-    if seconds < 60.0:
-        return f"{seconds:.2g} s"
-    minutes = round(seconds / 60.0)
-    return f"{minutes} min" if minutes < 90 else f"{seconds / 3600.0:.2g} h"
 
 
 def _variables(parts: Assembled) -> Table:

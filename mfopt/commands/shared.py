@@ -90,6 +90,14 @@ def _about_file(error: OSError) -> str:
     return f"{where}{error.strerror or error}; check the path, its permissions and its disk"
 
 
+def duration(seconds: float) -> str:
+    """A time in the units that people use."""
+    if seconds < 60.0:
+        return f"{seconds:.2g} s"
+    minutes = round(seconds / 60.0)
+    return f"{minutes} min" if minutes < 90 else f"{seconds / 3600.0:.2g} h"
+
+
 def chosen_design(problem: Problem, settings: list[str], best_of: Path | None) -> Array:
     """The baseline or a run's best design, with single variables set."""
     x = problem.named(problem.baseline if best_of is None else _best_design(best_of, problem))

@@ -1,0 +1,62 @@
+"""`mfopt check` of a case: what was read is shown, and what is wrong is named."""
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from mfopt.commands.app import app
+
+BALLS = Path(__file__).resolve().parents[2] / "examples" / "calibration" / "balls"
+
+
+def checked(folder: Path, old: str, new: str, *options: str) -> Result:
+    """What is said of the balls with one text of their files replaced."""
+    texts = {file.name: file.read_text() for file in BALLS.iterdir() if file.is_file()}
+    assert any(old in text for text in texts.values())
+    for name, text in texts.items():
+        (folder / name).write_text(text.replace(old, new))
+    return CliRunner().invoke(app, ["check", str(folder / "case.toml"), *options])
+
+
+def test_a_case_is_shown_as_it_was_understood(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+    its = checked(tmp_path, ",height [cm]", ",HEIGHT / cm", "--dry-run").output
+    assert "61 from 0 to 1.2 s" in its  # samples and times
+    assert "4.361 to 10.02 m" in its  # given in cm
+    assert "from 2 repeats" in its  # the noise
+    assert "diameter = 0.067" in its
+    assert "188 of each fitted recording to learn from, then 6 of each recording to check" in its
+    assert "Every recording was simulated once" in its
+    assert not (tmp_path / "runs").exists()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "options", "code", "said"),
+    [
+        ("[parameters.drag]", "[parameter.drag]", [], 2, "did you mean 'parameters'"),
+        ("table-tennis-2.csv", "table-tennis-3.csv", [], 2, "table-tennis-3.csv does not exist"),
+        ("balls.py:fall", "balls.py:fal", [], 2, "has no function 'fal'"),
+        ('"height": done', '"hight": done', ["--dry-run"], 1, "none of the channels height"),
+        ("np.linspace(0.0,", "np.linspace(0.3,", ["--dry-run"], 2, "simulate from time 0"),
+    ],
+)
+def test_what_is_wrong_is_named_before_a_calibration(
+    tmp_path: Path, old: str, new: str, options: list[str], code: int, said: str
+) -> None:
+    its = checked(tmp_path, old, new, *options)
+    assert its.exit_code == code
+    assert said in " ".join(its.output.split())
+
+
+def test_runs_that_are_too_few_are_said(tmp_path: Path) -> None:
+    more = "".join(f'[[recording]]\nname = "{k}"\nfiles = ["{k}.csv"]\n' for k in range(12))
+    for k in range(12):
+        text = (BALLS / "table-tennis-1.csv").read_text().replace("1002.0", f"10{k:02d}.0")
+        (tmp_path / f"{k}.csv").write_text(text)
+    its = checked(tmp_path, "# Two balls", f"{more}# Two balls")
+    assert its.exit_code == 0, its.output
+    assert "mfopt calibrate needs --runs: 200 runs are too few for 13" in its.output
