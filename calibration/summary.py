@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.ndimage import gaussian_filter1d
 from scipy.stats import chi2
 
 from calibration.campaign import Campaign, Fitted
@@ -42,6 +43,7 @@ from mfopt.records.rig import TIME, Channel
 
 FIT_COUNTS = 10  # runs, as which the scatter of the fitted recordings counts
 PRIOR_DRAWS = 4000
+NEIGHBOURS = 0.04  # of the points: standard deviation of the weights of such a mean
 DRAWS = 500  # of the posterior that the summary keeps
 CUT = 0.5  # of the time that recording and most runs last: below, much is not compared
 EDGE = 0.05  # of a range: most draws so near to a bound are at the edge
@@ -212,8 +214,12 @@ def _scatter(fitted: Fitted) -> dict[str, float]:
 
 
 def _variance(rows: Array, other: float | None) -> Array:
-    """Variance (p,) of one run: few runs say little of it, so that of the fit counts as well."""
+    """Variance (p,) of one run: few runs say little of it, so that of the fit counts as well.
+
+    At single points a few runs meet by chance: the variance is a mean over neighbours.
+    """
     own = rows.var(axis=0, ddof=1)
+    own = gaussian_filter1d(own, NEIGHBOURS * len(own), mode="nearest")
     if other is None or not own.mean() > 0.0:
         return np.asarray(own)
     freedom = len(rows) - 1

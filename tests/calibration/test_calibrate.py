@@ -1,12 +1,13 @@
 """A calibration as a whole, on a simulator with a closed form."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from toy_rig import SCATTER, TIMES, Tank, level_of
 
+from calibration import campaign as whole
 from calibration.campaign import Campaign, calibrate, runs_of_each
 from calibration.left_out import fits_without
 from calibration.likelihood import likelihood, with_scores
@@ -67,6 +68,14 @@ def evaluate(candidates: Sequence[Candidate], case: Case) -> list[Evaluation]:
 def campaign_of(case: Case, runs: int = 100) -> Campaign:
     noises = {"level": measurement_noise(case.recordings, "level", case.measurement.of("level"))}
     return calibrate(case, noises, lambda c: evaluate(c, case), runs)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def fewer_rounds() -> Iterator[None]:
+    """Each round samples twice, which takes seconds."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(whole, "ROUNDS", 2)
+        yield
 
 
 @pytest.fixture(scope="module")
