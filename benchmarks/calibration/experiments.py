@@ -35,7 +35,7 @@ TRUTHS: Mapping[str, tuple[float, float]] = {
 }
 STATED = 2e6  # [Pa] Young modulus in the case file
 FACTOR = 5.0  # by which the grains of the experiments `soft` are stiffer (odd) or softer (even)
-STEP = 1.3  # time step of YADE over r_min sqrt(density / E); the fit takes its default, 2.0
+STEP = 1.3  # time step of YADE over r_min sqrt(density / E); the fit takes the default of `numba`
 SHORT_STEP = 0.6  # where grains bounce so little that a longer step is wrong
 LEAST_BOUNCE = 0.4  # restitution from which the long step is right
 HOPPER = {"length_mm": 120.0, "depth_mm": 30.0, "floor_mm": 4.0, "duration_ms": 1200.0}
