@@ -5,9 +5,9 @@
 Beads of 5 mm leave a box of 120 x 30 mm through a slot. Friction, restitution and body damping are
 drawn from their priors. YADE runs with another time step and other packings than the fit. The step
 is shorter where the restitution is low: with 0.34 and a step of 1.3, YADE discharged 9 % less than
-with 0.6, with 0.41 and body damping 0.38 2 % less. Its curves then get the errors of a camera and a ruler. In the experiments `soft` the
-recorded grains are five times stiffer or softer than the case file states. A run that is there is
-not run again.
+with 0.6, with 0.41 and body damping 0.38 2 % less. Its curves then get the errors of a camera and a
+ruler. In the experiments `soft` the recorded grains are five times stiffer or softer than the case
+file states. A run that is there is not run again.
 """
 
 import argparse
