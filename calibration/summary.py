@@ -43,7 +43,7 @@ from mfopt.records.rig import TIME, Channel
 
 FIT_COUNTS = 10  # runs, as which the scatter of the fitted recordings counts
 PRIOR_DRAWS = 4000
-NEIGHBOURS = 0.04  # of the points: standard deviation of the weights of such a mean
+NEIGHBOURS = 0.04  # of the points: 1 sd of the weights with which variances are averaged
 DRAWS = 500  # of the posterior that the summary keeps
 CUT = 0.5  # of the time that recording and most runs last: below, much is not compared
 EDGE = 0.05  # of a range: most draws so near to a bound are at the edge

@@ -25,7 +25,7 @@ from benchmarks.engine.scenes import engine_named
 from fidelity.rig import SceneRig
 from mfopt.arrays import Array, frozen
 from mfopt.records.outcome import Outcome
-from mfopt.study.assemble import SCENES
+from mfopt.study.assemble import SCENES, DemName
 
 STORE = Path(__file__).parent / "results" / "experiments.jsonl"
 TRUTHS: Mapping[str, tuple[float, float]] = {
@@ -97,15 +97,15 @@ class Experiment:
         return tuple(s for s in SETTINGS if self.kind == "recovery" or not s.held_out)
 
 
-def rig(**numerics: float) -> SceneRig:
-    """The hopper and its beads, simulated by YADE."""
+def rig(engine: DemName = "yade", **numerics: float) -> SceneRig:
+    """The hopper and its beads."""
     return SceneRig(
         SCENES,
         "discharge",
         {"discharge": HOPPER},
         GRAINS,
         {"spheres_per_grain": 1, **numerics},
-        engine_named("yade"),
+        engine_named(engine),
     )
 
 

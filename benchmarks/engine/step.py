@@ -16,11 +16,8 @@ from multiprocessing import get_context
 
 import numpy as np
 
-from benchmarks.calibration.experiments import GRAINS, HOPPER, STATED
-from benchmarks.engine.scenes import engine_named
-from fidelity.rig import SceneRig
+from benchmarks.calibration.experiments import STATED, rig
 from mfopt.arrays import Array
-from mfopt.study.assemble import SCENES
 
 RESTITUTIONS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.7)
 RIGHT = 0.6
@@ -60,13 +57,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def fractions(asked: Asked) -> Array:
     """Discharged fraction (2,) at half of the time and at the end."""
-    numerics = {"spheres_per_grain": 1, "young_modulus_pa": STATED}
-    if asked.step is not None:
-        numerics["timestep_factor"] = asked.step
-    rig = SceneRig(
-        SCENES, "discharge", {"discharge": HOPPER}, GRAINS, numerics, engine_named("numba")
-    )
-    level = rig.level("slot", {"opening_mm": 30.0}, PARAMETERS)
+    own = {} if asked.step is None else {"timestep_factor": asked.step}
+    hopper = rig("numba", young_modulus_pa=STATED, **own)
+    level = hopper.level("slot", {"opening_mm": 30.0}, PARAMETERS)
     x = np.array([FRICTION, asked.restitution, DAMPING])
     over_time = level.evaluate(x, seed=asked.seed).raw["discharged_fraction"]
     return np.array([over_time[len(over_time) // 2], over_time[-1]])
