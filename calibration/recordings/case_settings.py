@@ -242,4 +242,6 @@ def read_case_settings(path: Path) -> tuple[CaseSettings, str]:
     """
     text = toml_text(path, "case file", "give a TOML file")
     data = toml_tables(text, str(path))
+    if "study" in data and "case" not in data:
+        raise ConfigError(f"{path} is a study, not a case of a calibration; give it to mfopt run")
     return checked(CaseSettings, data, where=str(path)), text

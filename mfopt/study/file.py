@@ -208,6 +208,10 @@ def study_of(text: str, *, where: str) -> Study:
         ConfigError: if it is not TOML, or has a wrong, unknown or missing key.
     """
     data = toml_tables(text, where)
+    if "study" not in data and not data.keys().isdisjoint(("case", "recording")):
+        raise ConfigError(
+            f"{where} is a case of a calibration, not a study; give it to mfopt calibrate"
+        )
     study = checked(Study, data, where=where)
     _check_levels(study, where)
     return study

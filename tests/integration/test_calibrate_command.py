@@ -111,6 +111,24 @@ def test_a_calibration_is_not_taken_for_a_study(done: Path) -> None:
         open_stored(done)
 
 
+@pytest.mark.parametrize(
+    ("command", "file", "said"),
+    [
+        ("run", "calibration/balls/case.toml",
+         "is a case of a calibration, not a study; give it to mfopt calibrate"),
+        ("evaluate", "calibration/balls/case.toml",
+         "is a case of a calibration, not a study; give it to mfopt calibrate"),
+        ("calibrate", "hopper.toml",
+         "is a study, not a case of a calibration; give it to mfopt run"),
+    ],
+)  # fmt: skip
+def test_a_file_for_another_command_is_told_by_its_kind(command: str, file: str, said: str) -> None:
+    given = Path(__file__).resolve().parents[2] / "examples" / file
+    result = CliRunner().invoke(app, [command, str(given)])
+    assert result.exit_code == 2
+    assert result.output == f"error: {given} {said}\n"
+
+
 def test_status_prints_the_result(done: Path) -> None:
     result = CliRunner().invoke(app, ["status", str(done)])
     assert result.exit_code == 0
