@@ -5,6 +5,7 @@ from itertools import combinations as pairs_of
 
 import numpy as np
 
+from mfopt.names import with_unit
 from mfopt.records.calibration import Compared, EmulatorCheck, Found, LeftOut, Summary
 
 DETERMINED = 0.5  # of the prior's interval: a narrower posterior says something
@@ -41,7 +42,7 @@ def without_in_words(its: Summary, fit: LeftOut) -> str:
         low, high = fit.intervals[p.name]
         ratio = (high - low) / (p.interval[1] - p.interval[0])
         shown = " to ".join(f"{v:.{_digits((low, high))}g}" for v in (low, high))
-        parts.append(f"{p.name} {shown}{_unit(p)}, {100 * ratio:.0f} % as wide")
+        parts.append(f"{p.name} {with_unit(shown, p.unit)}, {100 * ratio:.0f} % as wide")
     return (
         f"Without the error {fit.error}: {'; '.join(parts)}; misfit {fit.misfit:.0f} instead of "
         f"{its.misfit:.0f} on {its.freedom} degrees of freedom"
@@ -84,7 +85,7 @@ def _why_not(its: Summary) -> str:
 
 def _at_the_edge(its: Found, *, fits: bool) -> str:
     bound = its.low if its.edge == "lower" else its.high
-    said = f"{its.name} lies at the {its.edge} end of its range, {bound:g}{_unit(its)}"
+    said = f"{its.name} lies at the {its.edge} end of its range, {with_unit(bound, its.unit)}"
     if not its.asked:
         return f"{said}: what the case states of it may be wrong, or the simulation lacks something"
     if bound == 0.0 and fits:
@@ -108,14 +109,10 @@ def _separate_values(its: Summary) -> list[str]:
         if above - below > SEPARATE * (high - low):
             lines.append(
                 f"{p.name} has separate values, {low:.3g} to {below:.3g} and {above:.3g} to "
-                f"{high:.3g}{_unit(p)}: what lies between, the mean too, does not fit. Narrow the "
-                "range to one of them, or add a recording that tells them apart"
+                f"{with_unit(f'{high:.3g}', p.unit)}: what lies between, the mean too, does not "
+                "fit. Narrow the range to one of them, or add a recording that tells them apart"
             )
     return lines
-
-
-def _unit(its: Found) -> str:
-    return "" if its.unit == "-" else f" {its.unit}"
 
 
 def _too_sure(its: EmulatorCheck, runs: int) -> str:
@@ -144,7 +141,7 @@ def check_in_words(its: Summary) -> list[str]:
 def parameter_in_words(its: Found, *, fits: bool) -> str:
     """Value and interval."""
     mean, low, high = (f"{v:.{_digits(its.interval)}g}" for v in (its.mean, *its.interval))
-    said = f"{its.name} = {mean}{_unit(its)}, 90 % from {low} to {high}"
+    said = f"{its.name} = {with_unit(mean, its.unit)}, 90 % from {low} to {high}"
     if not fits:
         said = f"{said}, of a wrong model"
     if not its.asked:
@@ -209,9 +206,9 @@ def error_in_words(its: Compared) -> str:
     """How far simulations are from a recording."""
     kind = "held out" if its.held_out else "fitted"
     rms = float(np.sqrt(np.mean(np.subtract(its.recorded, its.simulated) ** 2)))
-    unit = "" if its.unit == "-" else f" {its.unit}"
+    off = with_unit(f"{rms:.2g}", its.unit)
     return (
-        f"{its.recording}, {its.channel} ({kind}): error {rms:.2g}{unit} rms, {its.error:.2f} "
+        f"{its.recording}, {its.channel} ({kind}): error {off} rms, {its.error:.2f} "
         "times what noise, scatter of runs and stated errors explain"
     )
 

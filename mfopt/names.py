@@ -55,6 +55,7 @@ def word(text: str) -> str:
     return text
 
 
-def with_unit(value: float, unit: str) -> str:
-    """A number with its unit; a pure number, whose unit is "-", stands alone."""
-    return f"{value:g}" if unit == "-" else f"{value:g} {unit}"
+def with_unit(value: float | str, unit: str) -> str:
+    """A number, or its text, with its unit; a pure number, whose unit is "-", stands alone."""
+    text = value if isinstance(value, str) else f"{value:g}"
+    return text if unit == "-" else f"{text} {unit}"

@@ -12,6 +12,7 @@ from rich.table import Table
 from mfopt.commands.shared import duration, screen
 from mfopt.errors import ConfigError, SimulationError
 from mfopt.files.toml_text import toml_tables, toml_text
+from mfopt.names import with_unit
 from mfopt.records.evaluation import Candidate, Evaluation
 from mfopt.records.rig import Channel
 
@@ -95,22 +96,21 @@ def _named(recording: "Recording") -> str:
 
 def _read(recording: "Recording", channel: Channel) -> tuple[str, str, str]:
     """Repeats, times and values of a channel."""
-    unit = "" if channel.unit == "-" else f" {channel.unit}"
     if channel.name in recording.scalars:
         numbers = [repeat.scalars[channel.name] for repeat in recording.repeats]
-        return str(len(numbers)), "", _span(numbers, unit)
+        return str(len(numbers)), "", _span(numbers, channel.unit)
     its = [r.series[channel.name] for r in recording.repeats if channel.name in r.series]
     samples = sorted({series.times.size for series in its})
     count = " to ".join(f"{n}" for n in dict.fromkeys((samples[0], samples[-1])))
-    times = _span(np.concatenate([series.times for series in its]), " s")
-    values = _span(np.concatenate([series.values for series in its]), unit)
+    times = _span(np.concatenate([series.times for series in its]), "s")
+    values = _span(np.concatenate([series.values for series in its]), channel.unit)
     return str(len(its)), f"{count} from {times}", values
 
 
 def _span(values: Iterable[float], unit: str) -> str:
     """The smallest and the largest of these."""
     its = list(values)
-    return f"{min(its):.4g} to {max(its):.4g}{unit}"
+    return with_unit(f"{min(its):.4g} to {max(its):.4g}", unit)
 
 
 def _noises(parts: "AssembledCase") -> Table:
@@ -118,8 +118,8 @@ def _noises(parts: "AssembledCase") -> Table:
     table = Table("channel", "noise, 1 sd", "90 % interval", "", title="measurement noise")
     for noise in parts.noises.values():
         unit = parts.rig.channels[noise.channel].unit
-        shown = f"{noise.sigma:.3g}{'' if unit == '-' else f' {unit}'}"
-        table.add_row(noise.channel, shown, _span(noise.sigma_range, ""), noise.found)
+        shown = with_unit(f"{noise.sigma:.3g}", unit)
+        table.add_row(noise.channel, shown, _span(noise.sigma_range, "-"), noise.found)
     return table
 
 

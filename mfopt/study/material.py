@@ -12,6 +12,7 @@ from typing import Any
 from fidelity.rig import set_parameter
 from fidelity.scene import Scene
 from mfopt.errors import ConfigError
+from mfopt.names import with_unit
 from mfopt.study.agreement import disagreements
 from mfopt.study.assemble import DemLevelSettings, level_settings, scene_class, scene_of
 from mfopt.study.file import Study, read_study
@@ -36,8 +37,7 @@ class Taken:
         """The file, the values and the warnings, one sentence a line."""
         its = self.material
         said = ", ".join(
-            f"{name} = {v.value:g}{'' if v.unit == '-' else f' {v.unit}'} "
-            f"(90 % {v.low:.3g} to {v.high:.3g})"
+            f"{name} = {with_unit(v.value, v.unit)} (90 % {v.low:.3g} to {v.high:.3g})"
             for name, v in its.values.items()
         )
         return [

@@ -2,7 +2,7 @@
 
 import pytest
 
-from mfopt.names import file_name, shown, word
+from mfopt.names import file_name, shown, with_unit, word
 
 
 @pytest.mark.parametrize("name", ["dem-300", "[/]", "$\\foo$", "größe", "長さ", "a b", "π"])
@@ -28,3 +28,8 @@ def test_a_word_of_a_command_may_hold_anything_but_a_zero_byte() -> None:
     assert word("a\nb") == "a\nb"
     with pytest.raises(ValueError, match="zero byte"):
         word("a\0b")
+
+
+def test_a_number_or_its_text_stands_before_the_unit_and_a_pure_number_alone() -> None:
+    assert with_unit(0.25, "m") == with_unit("0.25", "m") == "0.25 m"
+    assert with_unit(0.25, "-") == with_unit("0.25", "-") == "0.25"
