@@ -6,7 +6,7 @@ from itertools import combinations as pairs_of
 import numpy as np
 
 from mfopt.names import with_unit
-from mfopt.records.calibration import Compared, EmulatorCheck, Found, LeftOut, Summary
+from mfopt.records.calibration import Compared, EmulatorCheck, Found, LeftOut, Summary, chance
 
 DETERMINED = 0.5  # of the prior's interval: a narrower posterior says something
 WELL_DETERMINED = 0.25  # of the prior's standard deviation, of a combination
@@ -69,10 +69,9 @@ def warnings(its: Summary) -> list[str]:
 
 
 def _why_not(its: Summary) -> str:
-    chance = "below 0.001" if its.probability < 1e-3 else f"of {its.probability:.1g}"
     said = (
-        f"a misfit of {its.misfit:.0f} on {its.freedom} degrees of freedom has a probability "
-        f"{chance}"
+        f"a misfit of {its.misfit:.0f} on {its.freedom} degrees of freedom has the probability "
+        f"{chance(its.probability)}"
     )
     worst = max((c for c in its.compared if not c.held_out), key=lambda c: c.error)
     if worst.error <= 1.0:

@@ -12,6 +12,8 @@ from mfopt.errors import ConfigError
 
 FILE = "calibration.json"  # in the run directory
 
+UNLIKELY, LIKELY = 0.001, 0.99  # probabilities beyond are only said to be so
+
 Edge = Literal["lower", "upper"]
 
 
@@ -146,6 +148,13 @@ class Summary:
     warnings: list[str]  # why the values may be wrong; in words
     check: list[str]  # that the emulators know their errors; empty if one does not
     words: list[str]  # the result, one sentence a line
+
+
+def chance(probability: float) -> str:
+    """A probability of a larger misfit in words, to two digits."""
+    if probability < UNLIKELY:
+        return f"below {UNLIKELY}"
+    return f"above {LIKELY}" if probability > LIKELY else f"{probability:#.2g}"
 
 
 def as_json(its: Summary) -> str:

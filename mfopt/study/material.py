@@ -13,6 +13,7 @@ from fidelity.rig import set_parameter
 from fidelity.scene import Scene
 from mfopt.errors import ConfigError
 from mfopt.names import with_unit
+from mfopt.records.calibration import chance
 from mfopt.study.agreement import disagreements
 from mfopt.study.assemble import DemLevelSettings, level_settings, scene_class, scene_of
 from mfopt.study.file import Study, read_study
@@ -62,7 +63,7 @@ def read_with_material(path: Path) -> tuple[Study, str, Taken | None]:
     if not material.fits:
         raise ConfigError(
             f"{path}: material {study.material} has fits = false: the simulation does not fit the "
-            f"recordings of {material.case} (probability {material.probability:.1g}), so the "
+            f"recordings of {material.case} (probability {chance(material.probability)}), so the "
             "values are those of a wrong model; calibrate again with the physics that is missing"
         )
     _refuse_both(study, material, str(path))

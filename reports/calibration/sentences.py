@@ -2,11 +2,9 @@
 
 from collections.abc import Sequence
 
-from mfopt.records.calibration import Compared, Found, Summary
+from mfopt.records.calibration import Compared, Found, Summary, chance
 from reports.calibration.units import of_parameter, resolved, with_unit
 from reports.units import MINUS, number
-
-UNLIKELY, LIKELY = 0.001, 0.99  # probabilities beyond are only said to be so
 
 
 def sentence(its: Summary) -> str:
@@ -52,14 +50,10 @@ def fit(its: Summary) -> str:
 def misfit(its: Summary) -> str:
     """Whether the simulation fits, with the numbers behind it."""
     one = f"{its.freedom} degree{'s' * (its.freedom != 1)} of freedom"
-    chance = number(its.probability, 2)
-    if its.probability < UNLIKELY:
-        chance = f"below {UNLIKELY}"
-    elif its.probability > LIKELY:
-        chance = f"above {LIKELY}"
+    larger = chance(its.probability)
     return (
         f"The misfit (chi-squared) of the checking runs is {number(its.misfit, 3)} on {one}. If "
-        f"the simulation is right, a larger misfit has the probability {chance}. The logarithm of "
+        f"the simulation is right, a larger misfit has the probability {larger}. The logarithm of "
         f"the evidence is {number(its.log_evidence, 3)}; the larger evidence of two simulations "
         "of the same recordings marks the better one."
     )

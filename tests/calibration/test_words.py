@@ -25,6 +25,7 @@ from mfopt.records.calibration import (
     Found,
     LeftOut,
     Summary,
+    chance,
 )
 
 
@@ -71,10 +72,15 @@ def test_a_wrong_model_is_said_first_and_marks_every_value() -> None:
     its = replace(its, warnings=warnings(its))
     first, *rest = in_words(its)
     assert first.startswith("The simulation does not fit: a misfit of 753 on 20 degrees")
-    assert "has a probability below 0.001. The values are those of a wrong model." in first
+    assert "has the probability below 0.001. The values are those of a wrong model." in first
     lines = [line for line in rest if " = " in line]
     assert len(lines) == 2
     assert all("of a wrong model" in line for line in lines)
+
+
+def test_probabilities_near_0_and_1_are_only_said_to_be_so() -> None:
+    its = [chance(p) for p in (1e-9, 0.0012, 0.5, 0.9999)]
+    assert its == ["below 0.001", "0.0012", "0.50", "above 0.99"]
 
 
 def test_a_fitted_recording_that_is_far_off_is_named() -> None:
