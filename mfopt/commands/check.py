@@ -9,13 +9,13 @@ import typer
 from rich.console import RenderableType
 from rich.table import Table
 
-from mfopt.commands.check_case import check_case, is_case
+from mfopt.commands.check_case import check_case
 from mfopt.commands.ladder import ladder_table, spending
 from mfopt.commands.shared import duration, screen
 from mfopt.commands.workers import new_runner, prepare_engines, started, workers_of
 from mfopt.records.level import Level
 from mfopt.study.assemble import Assembled, assemble
-from mfopt.study.file import Study
+from mfopt.study.file import CaseGiven, Study
 from mfopt.study.material import read_with_material
 
 
@@ -27,10 +27,11 @@ def check(
     ] = False,
 ) -> None:
     """Read a study or a case, and say what `mfopt run` or `mfopt calibrate` would do and cost."""
-    if is_case(study_file):
+    try:
+        study, _, taken = read_with_material(study_file)
+    except CaseGiven:
         check_case(study_file, dry_run=dry_run)
         return
-    study, _, taken = read_with_material(study_file)
     parts = assemble(study, where=str(study_file))
     for part in described(study, parts):
         screen.print(part)

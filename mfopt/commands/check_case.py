@@ -11,7 +11,6 @@ from rich.table import Table
 
 from mfopt.commands.shared import duration, screen
 from mfopt.errors import ConfigError, SimulationError
-from mfopt.files.toml_text import toml_tables, toml_text
 from mfopt.names import with_unit
 from mfopt.records.evaluation import Candidate, Evaluation
 from mfopt.records.rig import Channel
@@ -20,15 +19,6 @@ if TYPE_CHECKING:
     from calibration.recordings.case import Case, Parameter
     from calibration.recordings.records import Recording
     from mfopt.study.case import AssembledCase
-
-
-def is_case(path: Path) -> bool:
-    """Whether a file is a case of a calibration; what cannot be read is none."""
-    try:
-        tables = toml_tables(toml_text(path, "case file", "give a TOML file"), str(path))
-    except ConfigError:
-        return False
-    return "case" in tables or "recording" in tables
 
 
 def check_case(path: Path, *, dry_run: bool) -> None:

@@ -31,6 +31,10 @@ from mfopt.settings import Settings, checked, nearest
 POPULATION_SIZE = 16  # of a stage that names none
 
 
+class CaseGiven(ConfigError):
+    """The file is a case of a calibration, not a study."""
+
+
 class StudyHead(Settings):
     """What the study is called and which seed all its random draws follow from."""
 
@@ -205,11 +209,12 @@ def study_of(text: str, *, where: str) -> Study:
         where: its file, for messages.
 
     Raises:
+        CaseGiven: if it is a case of a calibration.
         ConfigError: if it is not TOML, or has a wrong, unknown or missing key.
     """
     data = toml_tables(text, where)
     if "study" not in data and not data.keys().isdisjoint(("case", "recording")):
-        raise ConfigError(
+        raise CaseGiven(
             f"{where} is a case of a calibration, not a study; give it to mfopt calibrate"
         )
     study = checked(Study, data, where=where)
