@@ -100,6 +100,14 @@ def test_pictures_of_a_run_show_its_grains_and_change_nothing(name: str, cache: 
 
 
 @pytest.mark.parametrize("name", NAMES)
+def test_one_picture_is_one_picture(name: str, cache: Path) -> None:
+    scene = scene_named(name)
+    level = SceneLevel("coarse", scene, COARSE, NumbaEngine(), cache, snapshots=1)
+    shown = level.evaluate(scene.problem().baseline, seed=2).raw
+    assert shown["snapshot_positions"].shape == (1, COARSE.grains, 3)
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_an_unknown_key_is_refused_by_name(name: str) -> None:
     with pytest.raises(ConfigError, match=f"problem.{name}: unknown key 'nothing'"):
         read_scene(SCENES[name], {"nothing": 1}, {}, "study")

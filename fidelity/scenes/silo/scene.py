@@ -114,8 +114,9 @@ class Silo(VesselScene):
     ) -> Setup:
         """Loose grains above the floor; `moments` pictures, the last one at rest."""
         setup = silo_setup(built(self.settings, x), self.portion(x, dem), seed)
-        falling = np.linspace(0.0, float(setup.snapshot_times[0]), moments + 1)[1:-1]
-        return replace(setup, snapshot_times=frozen([*falling, *setup.snapshot_times]))
+        at_rest = float(setup.snapshot_times[0]) * (1.0 - 1e-3)  # just before forces are averaged
+        pictures = np.linspace(0.0, at_rest, moments + 1)[1:]
+        return replace(setup, snapshot_times=frozen([*pictures, *setup.snapshot_times]))
 
     def results(
         self, x: Array, dem: DemSettings, setup: Setup, movement: Movement, seed: int
@@ -129,7 +130,7 @@ class Silo(VesselScene):
         }  # fmt: skip
         pictures = len(setup.snapshot_times) - SNAPSHOTS
         shown = {
-            name: np.concatenate((taken[:pictures], taken[-1:]))
+            name: taken[:pictures]
             for name, taken in movement.snapshots.items()
             if pictures > 0 and name != WALL_FORCES
         }
