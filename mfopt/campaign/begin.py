@@ -67,7 +67,7 @@ def begin(
     if others:
         raise ConfigError(f"{path} holds another run than the one given: {named(others)}; {REMEDY}")
     if found:
-        changed = {key: now[key] for key in ("settings", "conditions") if key in now}
+        changed = {key: now[key] for key in ("settings", "conditions", "levels") if key in now}
         spent = budgets(run.header) + budgets(now)
         run.extend({**changed, "budgets": list(dict.fromkeys(spent))}, study)
     elif not _holds_its_study(run):
@@ -86,7 +86,9 @@ def budgets(header: Mapping[str, Any]) -> list[float]:
 
 
 def _meaning(header: Mapping[str, Any]) -> dict[str, Any]:
-    return {key: header.get(key) for key in MEANING}
+    """What a run is. Levels of a calibration come and go; their conditions say what they are."""
+    gone = {"levels"} if "conditions" in header else set()
+    return {key: header.get(key) for key in MEANING if key not in gone}
 
 
 def _goes_on(difference: Difference) -> bool:
