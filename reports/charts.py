@@ -41,6 +41,8 @@ LONGEST_NAME = 24  # letters of a level's name in a figure
 LABEL_ROW = 0.075  # height of a row of labels, of the axes' height
 LETTER = 0.011  # share of the figure's width that a letter of 8 points takes
 SLENDER = 0.45  # width to height of a picture, up to which four fit side by side
+EDGE = 0.02  # [inch] between labels and the sides of a figure
+NARROWEST = 0.3  # share of the figure's width that panels keep whatever their labels
 TALLEST = 7.2  # [inch] height of all pictures of a figure: a page of A4 with its caption
 
 
@@ -51,15 +53,27 @@ def panels_over_time(
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(WIDTH, height))
-    grid = {
-        "height_ratios": list(ratios) or None, "hspace": 0.08, "left": 0.1, "right": 0.99,
-        "bottom": bottom / height, "top": 1.0 - top / height,
-    }  # fmt: skip
-    axes = figure.subplots(panels, 1, sharex=True, gridspec_kw=grid)
+    figure.subplots_adjust(
+        left=0.1, right=0.99, bottom=bottom / height, top=1.0 - top / height, hspace=0.08
+    )
+    axes = figure.subplots(panels, 1, sharex=True, height_ratios=list(ratios) or None)
     return figure, list(np.atleast_1d(axes))
 
 
+def keep_inside(figure: "Figure") -> None:
+    """Move the sides of the panels until no label reaches beyond the figure."""
+    parts = figure.subplotpars
+    for _ in range(2):  # with other sides the ticks may be others
+        drawn = figure.get_tightbbox()
+        beyond = max(0.0, EDGE - drawn.x0), max(0.0, drawn.x1 + EDGE - figure.get_figwidth())
+        left, right = (inch / figure.get_figwidth() for inch in beyond)
+        if left + right > 0.0 and parts.right - parts.left - left - right > NARROWEST:
+            figure.subplots_adjust(left=parts.left + left, right=parts.right - right)
+
+
 def as_svg(figure: "Figure") -> str:
+    """The figure as an SVG element, with every label inside."""
+    keep_inside(figure)
     file = io.StringIO()
     figure.savefig(file, format="svg", metadata={"Date": None, "Creator": None})
     text = file.getvalue()

@@ -106,3 +106,18 @@ def test_a_legend_covers_no_data_and_intervals_are_not_clipped(
         assert look.insight is not None
         ends = [end * facts.shown.factor for end in look.insight.interval]
         assert low <= min(ends) <= max(ends) <= high
+
+
+def test_no_label_reaches_beyond_the_sides_of_a_figure() -> None:
+    with charts.styled():
+        figure, (axis,) = charts.panels_over_time(2.0, 1)
+        axis.plot([0.0, 2.0], [-1e2, 1e2])
+        axis.set_xlim(0.0, 2.0)
+        axis.set_ylabel("two lines of a label\nbeside long ticks")
+        axis.set_yticks([0.0], ["a long word at a tick"])
+        assert figure.get_tightbbox().x0 < 0.0
+        assert figure.get_tightbbox().x1 > charts.WIDTH
+        charts.keep_inside(figure)
+        drawn = figure.get_tightbbox()
+    assert drawn.x0 >= 0.0
+    assert drawn.x1 <= charts.WIDTH
