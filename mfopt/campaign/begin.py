@@ -2,7 +2,6 @@
 
 import json
 import os
-import shutil
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -11,11 +10,8 @@ from typing import Any
 from mfopt.campaign.differences import Difference, differences, named
 from mfopt.campaign.store import HELD, RunDirectory, clear, create, open_run
 from mfopt.errors import ConfigError
-from mfopt.files.whole import disk_errors_named
 from mfopt.records.evaluation import Reference
 from mfopt.records.objective import OWN, Criteria
-
-LEAST_DISK = 100e6  # [bytes] a run of 1000 evaluations of 1000 grains takes about half
 
 # Entries of the header that say what a run is. Others say when, where and by how many it is made.
 MEANING = (
@@ -137,21 +133,3 @@ def begin_reference(run: RunDirectory, now: Reference | None) -> None:
         )
     if not made:
         run.add_reference(now)
-
-
-def check_disk(path: Path) -> None:
-    """Make sure that a new run has room.
-
-    Raises:
-        ConfigError: if the disk is nearly full.
-    """
-    if os.path.lexists(path / "run.json"):
-        return
-    parent = next(p for p in (path, *path.absolute().parents) if p.exists())
-    with disk_errors_named(parent, "read"):
-        free = shutil.disk_usage(parent).free
-    if free < LEAST_DISK:
-        raise ConfigError(
-            f"{free / 1e6:.0f} MB of disk are free for {path}, below the {LEAST_DISK / 1e6:.0f} MB "
-            "that a run needs; free some, or give another --directory"
-        )

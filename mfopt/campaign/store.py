@@ -28,6 +28,7 @@ import numpy as np
 
 from mfopt.arrays import AnyArray, frozen
 from mfopt.campaign.journal import Journal, Line
+from mfopt.campaign.place import check_place
 from mfopt.campaign.run_header import read_header, sealed
 from mfopt.errors import ConfigError
 from mfopt.files.array_file import as_text, digest, fit_hdf5, from_text, read_arrays, write_arrays
@@ -364,8 +365,10 @@ def writing(path: Path) -> Iterator[None]:
     That is a torn last line of the journal, and files that were not written to their end.
 
     Raises:
-        ConfigError: if another mfopt is writing to it, or the disk refuses it.
+        ConfigError: if it is a folder of the user's own, another mfopt is writing to it, or the
+            disk refuses it.
     """
+    check_place(path)
     with held(path):
         with disk_errors_named(path, "write"):
             _clear_leftovers(path)

@@ -12,13 +12,14 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from calibration.parts import ERRORS, without
 from mfopt.arrays import frozen
-from mfopt.campaign.begin import begin, check_disk
+from mfopt.campaign.begin import begin
 from mfopt.campaign.driver import Driver
 from mfopt.campaign.driver import Progress as Made
 from mfopt.campaign.executor import Runner
 from mfopt.campaign.header import CALIBRATED_WITH, header
 from mfopt.campaign.local_workers import local_processes
 from mfopt.campaign.memory import Memory
+from mfopt.campaign.place import check_disk
 from mfopt.campaign.store import writing
 from mfopt.commands.report import write_calibration_pages
 from mfopt.commands.shared import AsJson, Into, Quiet, Resume, console

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 
 from mfopt.arrays import Array
-from mfopt.campaign.begin import begin, begin_reference, budgets, check_disk
+from mfopt.campaign.begin import begin, begin_reference, budgets
 from mfopt.campaign.header import header
+from mfopt.campaign.place import check_disk
 from mfopt.campaign.store import RunDirectory, writing
 from mfopt.commands.report import write_reports
 from mfopt.commands.shared import AsJson, Into, Quiet, Resume, StudyFile, console
