@@ -21,6 +21,7 @@ from calibration.runs import (
     Evaluate,
     Predicted,
     candidates,
+    check_times,
     end_of,
     flaw,
     predicted,
@@ -151,6 +152,7 @@ class Squares:
         if flaw(its, recording) is not None:
             return np.inf
         if recording.name not in self.seen:
+            check_times(recording, [its])
             measurement, end = self.case.measurement, end_of([its])
             self.seen[recording.name] = observed(recording, measurement, self.noises, end)
         seen = self.seen[recording.name]

@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 
+from calibration.durations import check_durations
 from calibration.observed import Observed, observed, points_in_time
 from calibration.posterior import from_unit
 from calibration.recordings.case import Case, Parameter
@@ -135,8 +136,9 @@ def check_times(recording: Recording, its: Sequence[Evaluation]) -> None:
     A run may begin a step late: at the first point that it gives, or that is compared.
 
     Raises:
-        ConfigError: if they have none, or a run begins later.
+        ConfigError: if they have none, a run begins later, or one lasts far longer than the other.
     """
+    check_durations(recording, its)
     for channel in recording.channels if its else ():
         points = points_in_time(recording, channel, end_of(its))
         for e in its:

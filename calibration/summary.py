@@ -8,6 +8,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.stats import chi2
 
 from calibration.campaign import Campaign, Fitted
+from calibration.durations import unlike_durations
 from calibration.emulator_check import check_emulators
 from calibration.observed import Observed
 from calibration.posterior import LEVEL, Posterior, prior_transform, to_unit
@@ -98,7 +99,7 @@ def summary(
         combinations=combinations(made),
         trade_offs=trade_offs(made),
         further=further(made),
-        warnings=[*warnings(made), *doubts, *cut_short(case, campaign.evaluations)],
+        warnings=[*warnings(made), *doubts, *_of_times(case, campaign.evaluations)],
         check=check_in_words(made),
     )
     return replace(made, words=in_words(made))
@@ -106,6 +107,10 @@ def summary(
 
 def _checked(its: Campaign, case: Case) -> tuple[EmulatorCheck, ...]:
     return check_emulators(case, its.fitted.observations, its.fitted.emulators, its.fresh)
+
+
+def _of_times(case: Case, made: Sequence[Evaluation]) -> list[str]:
+    return [*cut_short(case, made), *unlike_durations(case.recordings, made)]
 
 
 def cut_short(case: Case, made: Sequence[Evaluation]) -> list[str]:

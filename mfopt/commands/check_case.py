@@ -128,9 +128,10 @@ def _run_once(parts: "AssembledCase") -> float:
     """Simulate every recording once in the middle of the ranges; the mean time of a run [s].
 
     Raises:
-        ConfigError: if recording and simulation have no time in common.
+        ConfigError: if recording and simulation have no time in common, or far other durations.
         SimulationError: if a run fails or lacks a channel of the recording.
     """
+    from calibration.durations import unlike_durations
     from calibration.runs import check_times, flaw
     from fidelity.engines.numba import prepare
     from fidelity.rig import SceneRig
@@ -144,4 +145,6 @@ def _run_once(parts: "AssembledCase") -> float:
         if (why := flaw(its, recording)) is not None:
             raise SimulationError(f"recording {recording.name!r}: the simulation failed: {why}")
         check_times(recording, [its])
+        for line in unlike_durations([recording], [its]):
+            screen.print(line)
     return (perf_counter() - began) / len(parts.case.recordings)

@@ -1,0 +1,68 @@
+"""How long a recording lasts beside the simulation: a wrong unit of time is a factor of 1 000."""
+
+from collections.abc import Sequence
+
+from calibration.recordings.records import Recording
+from mfopt.errors import ConfigError
+from mfopt.records.evaluation import Evaluation
+from mfopt.records.rig import TIME
+
+REFUSED = 100.0  # times as long: a wrong unit of time, or other conditions
+NOTED = 10.0  # times as long: it may be meant, and little is compared
+REMEDY = "the unit of the time column, and the conditions"
+
+
+def check_durations(recording: Recording, made: Sequence[Evaluation]) -> None:
+    """Refuse a recording that lasts far longer or far shorter than all runs of it.
+
+    Raises:
+        ConfigError: names both durations and what to correct.
+    """
+    ends = _ends(recording, made)
+    for channel, recorded in _recorded(recording).items() if ends else ():
+        apart = max(recorded / max(ends), min(ends) / recorded)
+        if apart >= REFUSED:
+            raise ConfigError(
+                f"recording {recording.name!r}: its {channel} lasts until {recorded:.4g} s, and "
+                f"the simulation until {_span(ends)}: they are a factor of {apart:.4g} apart, and "
+                f"{REFUSED:g} is the limit; correct {REMEDY}"
+            )
+
+
+def unlike_durations(recordings: Sequence[Recording], made: Sequence[Evaluation]) -> list[str]:
+    """Recordings that are much shorter or longer than the simulation, one sentence a channel."""
+    lines = []
+    for recording in recordings:
+        ends = _ends(recording, made)
+        for channel, recorded in _recorded(recording).items() if ends else ():
+            apart = max(recorded / max(ends), min(ends) / recorded)
+            if apart > NOTED:
+                lines.append(
+                    f"{recording.name}: its {channel} lasts until {recorded:.4g} s, and the "
+                    f"simulation until {_span(ends)}; only the time that both have is compared. If "
+                    f"that is not meant, check {REMEDY}"
+                )
+    return lines
+
+
+def _ends(recording: Recording, made: Sequence[Evaluation]) -> list[float]:
+    """The ends of the runs of a recording that give series [s]."""
+    runs = [e.outcome.raw for e in made if e.candidate.level == recording.name]
+    return [float(raw[TIME][-1]) for raw in runs if TIME in raw and raw[TIME][-1] > 0.0]
+
+
+def _recorded(recording: Recording) -> dict[str, float]:
+    """The last time of each series [s], the shortest of the repeats."""
+    return {
+        channel: min(
+            float(repeat.series[channel].times[-1])
+            for repeat in recording.repeats
+            if channel in repeat.series
+        )
+        for channel in recording.channels
+    }
+
+
+def _span(ends: Sequence[float]) -> str:
+    first, last = f"{min(ends):.4g}", f"{max(ends):.4g}"
+    return f"{last} s" if first == last else f"{first} to {last} s"
