@@ -91,7 +91,8 @@ class CommandLevel:
 
     def _outcome(self, x: Array, seed: int, ended: Ended) -> Outcome:
         if ended.timed_out:
-            why = f"not ready within the time limit of {self.time_limit_s:g} s"
+            said = f"; last lines of its output:\n{ended.last_lines}" if ended.last_lines else ""
+            why = f"not ready within the time limit of {self.time_limit_s:g} s{said}"
             return self._failed(x, seed, "timed_out", why, ended.cpu_s)
         if ended.returncode != 0:
             why = (
@@ -103,7 +104,8 @@ class CommandLevel:
             raw = numbers(answer_object(ended.output))
         except ValueError as error:
             cut = f" (of which only the last {OUTPUT_LIMIT >> 20} MB are kept)" * ended.cut
-            why = f"{self.command[0]}: {error}{cut}"
+            said = f"; last lines of its errors:\n{ended.last_errors}" if ended.last_errors else ""
+            why = f"{self.command[0]}: {error}{cut}{said}"
             return self._failed(x, seed, "crashed", why, ended.cpu_s)
         work = float(raw.pop("work", np.array(self.work_per_run)))
         return Outcome(x, self.name, seed, "finished", None, raw, work, ended.cpu_s)

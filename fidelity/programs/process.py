@@ -43,6 +43,7 @@ class Ended:
     output: str  # its standard output, of which the last `OUTPUT_LIMIT` bytes are kept
     cut: bool  # whether there was more output than that
     last_lines: str  # of its standard output, then of its standard error
+    last_errors: str  # last lines of its standard error alone
     cpu_s: float  # of the child and its children, all attempts; 0 where its keeper was killed
 
     @property
@@ -128,7 +129,9 @@ def _run_once(
     said: dict[str, Any] = {"returncode": None, "timed_out": not in_time, "cpu_s": 0.0}
     if text := report.text():
         said = json.loads(text)
-    return Ended(output=out.text(), cut=out.cut, last_lines=last_lines, **said)
+    return Ended(
+        output=out.text(), cut=out.cut, last_lines=last_lines, last_errors=err.last_lines(), **said
+    )
 
 
 @contextlib.contextmanager

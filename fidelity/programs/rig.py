@@ -4,7 +4,8 @@ A command gets JSON as in `fidelity.programs.command`, with the parameters in `x
 `conditions` of the recording. A function `f(parameters, conditions, seed)` gets both as
 dictionaries. Both give the times `time` (s,) [s], each series over them, and numbers, by channel.
 A function is interrupted at the time limit between two instructions of Python; a call into
-compiled code ends first. What a function prints goes to standard error: standard output is mfopt's.
+compiled code ends first. What a function prints is not
+shown, but for the last lines in the reason of a failed run.
 """
 
 import importlib.util
@@ -12,7 +13,7 @@ import signal
 import sys
 import threading
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, redirect_stdout
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -23,6 +24,7 @@ import numpy as np
 
 from fidelity.programs.command import CommandLevel
 from fidelity.programs.function import explained, from_terminal
+from fidelity.programs.printed import captured
 from mfopt.arrays import AnyArray, Array, frozen
 from mfopt.errors import ConfigError
 from mfopt.records.level import Level
@@ -148,18 +150,19 @@ class FunctionRun:
         status: Status = "finished"
         why: str | None = None
         raw: dict[str, AnyArray] = {}
-        try:
-            values = dict(zip(self.parameters, map(float, x), strict=True))
-            with _limited(self.time_limit_s), redirect_stdout(sys.stderr):
-                given = _loaded(*self.function)(values, dict(self.conditions), seed)
-            raw = {str(name): _numbers(name, value) for name, value in dict(given).items()}
-        except _LateError:
-            status = "timed_out"
-            why = f"not ready within the time limit of {self.time_limit_s:g} s"
-        except BaseException as error:
-            if from_terminal(error):
-                raise
-            status, why = "crashed", explained(error)
+        with captured() as printed:
+            try:
+                values = dict(zip(self.parameters, map(float, x), strict=True))
+                with _limited(self.time_limit_s):
+                    given = _loaded(*self.function)(values, dict(self.conditions), seed)
+                raw = {str(name): _numbers(name, value) for name, value in dict(given).items()}
+            except _LateError:
+                status = "timed_out"
+                why = f"not ready within the time limit of {self.time_limit_s:g} s{printed()}"
+            except BaseException as error:
+                if from_terminal(error):
+                    raise
+                status, why = "crashed", f"{explained(error)}{printed()}"
         cpu_s = process_time() - began
         return Outcome(frozen(x), self.name, seed, status, why, raw, 1.0, cpu_s)
 
@@ -210,13 +213,14 @@ def _loaded(file: str, name: str) -> Any:
     module = importlib.util.module_from_spec(spec)
     if (folder := str(path.parent.absolute())) not in sys.path:
         sys.path.insert(0, folder)  # so that the file can import its neighbours
-    try:
-        with redirect_stdout(sys.stderr):
+    with captured() as printed:
+        try:
             spec.loader.exec_module(module)
-    except BaseException as error:  # SystemExit too: a script without a main guard ends itself
-        if from_terminal(error):
-            raise
-        raise ConfigError(f"rig.function: {file} cannot be loaded: {explained(error)}") from error
+        except BaseException as error:  # SystemExit too: a script without a main guard ends itself
+            if from_terminal(error):
+                raise
+            why = f"{explained(error)}{printed()}"
+            raise ConfigError(f"rig.function: {file} cannot be loaded: {why}") from error
     function = getattr(module, name, None)
     if not callable(function):
         raise ConfigError(f"rig.function: {file} has no function {name!r}; write FILE.py:NAME")

@@ -128,18 +128,62 @@ def hang(parameters, conditions, seed):
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
 
 
-def test_what_a_function_prints_stays_out_of_the_output_of_mfopt(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    text = """
+TALK = """
+import os, subprocess, sys, time
 print("loaded")
 def talk(parameters, conditions, seed):
-    print("called")
+    for step in range(200_000):
+        print("step", step)
+    sys.stdout.buffer.write(b"bytes\\n")
+    sys.stdout.flush()
+    os.write(2, b"from compiled code\\n")
+    subprocess.run(["echo", "from a child"], stdout=sys.stderr, check=True)
+    print("warned", file=sys.stderr)
+    if parameters["g"] > 10.0:
+        raise RuntimeError("too heavy")
+    if parameters["g"] < 5.0:
+        time.sleep(60.0)
     return {"time_to_fall": 1.0}
 """
-    (tmp_path / "talk.py").write_text(text)
-    rig = ProgramRig(CHANNELS, function=(str(tmp_path / "talk.py"), "talk"))
-    assert rig.level("drop", {}, ("g",)).evaluate(np.array([9.81]), seed=1).finished
-    said = capsys.readouterr()
-    assert said.out == ""
-    assert said.err.split() == ["loaded", "called"]
+
+
+def test_what_a_function_prints_is_only_in_the_reason_of_a_failed_run(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "talk.py").write_text(TALK)
+    rig = ProgramRig(CHANNELS, function=(str(tmp_path / "talk.py"), "talk"), time_limit_s=5.0)
+    fine, failed, late = (
+        rig.level("drop", {}, ("g",)).evaluate(np.array([g]), seed=1) for g in (9.8, 11.0, 4.0)
+    )
+    print("mfopt goes on", flush=True)
+    said = capfd.readouterr()
+    assert said.out == "mfopt goes on\n"
+    assert said.err == ""
+    assert fine.finished
+    assert fine.why is None
+    for outcome, first in ((failed, "RuntimeError: too heavy (line"), (late, "not ready within")):
+        assert outcome.why is not None
+        reason, *printed = outcome.why.splitlines()
+        assert reason.startswith(first)
+        assert reason.endswith("; the last lines that it printed:")
+        assert printed[-5:] == [
+            "step 199999",
+            "bytes",
+            "from compiled code",
+            "from a child",
+            "warned",
+        ]
+        assert len(printed) == 20
+
+
+def test_what_a_command_writes_to_its_errors_is_in_the_reason_of_a_failed_run(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "talk.sh").write_text("echo no licence >&2; echo done; sleep $1")
+    for seconds, limit_s, reason in (("0", 20.0, "does not end with a JSON"), ("60", 0.5, "limit")):
+        command = ("sh", str(tmp_path / "talk.sh"), seconds)
+        rig = ProgramRig(CHANNELS, command=command, time_limit_s=limit_s)
+        outcome = rig.level("drop", {}, ("g",)).evaluate(np.array([9.81]), seed=1)
+        assert outcome.why is not None
+        assert reason in outcome.why
+        assert outcome.why.endswith("no licence")
