@@ -1,5 +1,6 @@
 """Runs of a calibration: made for recordings, checked, and put beside them."""
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -94,19 +95,28 @@ def finished(made: Sequence[Evaluation], recording: Recording) -> list[Evaluatio
     """The finished runs under the conditions of a recording, with values of all its channels.
 
     Raises:
-        SimulationError: if most failed; with the last reason.
+        SimulationError: if most failed; with the most frequent reason.
     """
     all_of_it = [e for e in made if e.candidate.level == recording.name]
     flaws = [flaw(e, recording) for e in all_of_it]
     its = [e for e, why in zip(all_of_it, flaws, strict=True) if why is None]
     if len(its) < MOST_FAILED * len(all_of_it):
-        why = next(why for why in reversed(flaws) if why is not None)
         raise SimulationError(
             f"recording {recording.name!r}: {len(all_of_it) - len(its)} of {len(all_of_it)} runs "
-            f"failed, the last because {why}; at least {100 * MOST_FAILED:.0f} % must end: mend "
-            "the simulation, or narrow the ranges to where it works"
+            f"failed, and at least {100 * MOST_FAILED:.0f} % must end; mend the simulation, or "
+            f"narrow the ranges to where it works. {_most_frequent(flaws)}"
         )
     return its
+
+
+def _most_frequent(flaws: Sequence[str | None]) -> str:
+    """The most frequent reason, by its first line, and how many runs have it."""
+    reasons = [why for why in flaws if why is not None]
+    ((first, count),) = Counter(why.partition("\n")[0] for why in reasons).most_common(1)
+    why = next(why for why in reversed(reasons) if why.partition("\n")[0] == first)
+    if count == len(reasons):
+        return f"The reason of {'all' if count > 1 else 'this'}: {why}"
+    return f"The most frequent reason, of {count} runs: {why}"
 
 
 def flaw(its: Evaluation, recording: Recording) -> str | None:

@@ -23,6 +23,7 @@ from mfopt.arrays import AnyArray, Array, frozen
 from mfopt.errors import ConfigError, SimulationError
 from mfopt.files.scratch import scratch
 from mfopt.records.outcome import Outcome, Status, why_no_work, why_not_a_name
+from mfopt.records.rig import TIME
 
 MOST_DIMENSIONS = 32  # of an array, as in HDF5
 
@@ -152,14 +153,33 @@ def numbers(answer: Mapping[str, Any]) -> dict[str, AnyArray]:
             raw[name] = frozen(given)
         except (OverflowError, ValueError) as error:
             raise ValueError(f"{name} is neither a number nor an array of numbers") from error
-        if not np.all(np.isfinite(raw[name])):
-            raise ValueError(f"{name} holds values that are not finite")
+    if (why := why_not_finite(raw)) is not None:
+        raise ValueError(why)
     for name in {"f", "work"} & raw.keys():
         if raw[name].shape != ():
             raise ValueError(f"{name} must be one number, not an array {raw[name].shape}")
     if "work" in raw and (why := why_no_work(float(raw["work"]))) is not None:
         raise ValueError(why)
     return raw
+
+
+def why_not_finite(raw: Mapping[str, AnyArray]) -> str | None:
+    """Which value of which array is not finite, the first of them, with its time; or None."""
+    for name, values in raw.items():
+        bad = np.argwhere(~np.isfinite(values))
+        if not len(bad):
+            continue
+        first = tuple(map(int, bad[0]))
+        if not first:
+            return f"{name} = {values:g} is no finite number"
+        place, times = f"at index {', '.join(map(str, first))}", raw.get(TIME)
+        if times is not None and name != TIME and times.shape == values.shape:
+            place += f", time {times[first]:.4g} s,"
+        return (
+            f"{name} = {values[first]:g} {place} is no finite number; {len(bad)} of {values.size} "
+            "values are not"
+        )
+    return None
 
 
 def _is_numeric(given: Any, depth: int = 0) -> bool:

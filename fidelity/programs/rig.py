@@ -22,10 +22,11 @@ from typing import Any
 
 import numpy as np
 
-from fidelity.programs.command import CommandLevel
+from fidelity.programs.command import CommandLevel, why_not_finite
 from fidelity.programs.function import explained, from_terminal
 from fidelity.programs.printed import captured
 from mfopt.arrays import AnyArray, Array, frozen
+from mfopt.checks import shown
 from mfopt.errors import ConfigError
 from mfopt.records.level import Level
 from mfopt.records.outcome import Outcome, Status
@@ -155,7 +156,9 @@ class FunctionRun:
                 values = dict(zip(self.parameters, map(float, x), strict=True))
                 with _limited(self.time_limit_s):
                     given = _loaded(*self.function)(values, dict(self.conditions), seed)
-                raw = {str(name): _numbers(name, value) for name, value in dict(given).items()}
+                raw = _raw(given)
+            except _FlawedAnswer as error:
+                status, why = "crashed", f"{error}{printed()}"
             except _LateError:
                 status = "timed_out"
                 why = f"not ready within the time limit of {self.time_limit_s:g} s{printed()}"
@@ -190,10 +193,34 @@ def _limited(seconds: float) -> Iterator[None]:
         signal.signal(signal.SIGALRM, before)
 
 
-def _numbers(name: Any, value: Any) -> Array:
-    array = np.asarray(value)
-    if array.dtype.kind not in "iuf" or not np.all(np.isfinite(array)):
-        raise ValueError(f"{name} holds values that are no finite numbers")
+class _FlawedAnswer(Exception):
+    """What a function returned cannot be used."""
+
+
+def _raw(given: Any) -> dict[str, AnyArray]:
+    """What a function returned, as arrays.
+
+    Raises:
+        _FlawedAnswer: if it is no dictionary of finite numbers.
+    """
+    if not isinstance(given, Mapping):
+        what = "nothing" if given is None else shown(given)
+        raise _FlawedAnswer(
+            f'the function returns {what}; return a dictionary, {{"time": times, channel: values}}'
+        )
+    raw = {str(name): _numbers(name, value) for name, value in given.items()}
+    if (why := why_not_finite(raw)) is not None:
+        raise _FlawedAnswer(why)
+    return raw
+
+
+def _numbers(name: Any, value: Any) -> AnyArray:
+    try:
+        array = np.asarray(value)
+    except ValueError as error:  # lists of unequal lengths
+        raise _FlawedAnswer(f"{name} is no array of numbers: {error}") from error
+    if array.dtype.kind not in "iuf":
+        raise _FlawedAnswer(f"{name} = {shown(value)} is neither a number nor an array of numbers")
     return frozen(array)
 
 

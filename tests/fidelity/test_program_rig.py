@@ -128,12 +128,13 @@ def hang(parameters, conditions, seed):
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
 
 
+# More than 1 MB, of which only the end is kept.
 TALK = """
 import os, subprocess, sys, time
 print("loaded")
 def talk(parameters, conditions, seed):
-    for step in range(200_000):
-        print("step", step)
+    for step in range(12_000):
+        print(100 * "-", step)
     sys.stdout.buffer.write(b"bytes\\n")
     sys.stdout.flush()
     os.write(2, b"from compiled code\\n")
@@ -151,7 +152,7 @@ def test_what_a_function_prints_is_only_in_the_reason_of_a_failed_run(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "talk.py").write_text(TALK)
-    rig = ProgramRig(CHANNELS, function=(str(tmp_path / "talk.py"), "talk"), time_limit_s=5.0)
+    rig = ProgramRig(CHANNELS, function=(str(tmp_path / "talk.py"), "talk"), time_limit_s=6.0)
     fine, failed, late = (
         rig.level("drop", {}, ("g",)).evaluate(np.array([g]), seed=1) for g in (9.8, 11.0, 4.0)
     )
@@ -167,7 +168,7 @@ def test_what_a_function_prints_is_only_in_the_reason_of_a_failed_run(
         assert reason.startswith(first)
         assert reason.endswith("; the last lines that it printed:")
         assert printed[-5:] == [
-            "step 199999",
+            f"{100 * '-'} 11999",
             "bytes",
             "from compiled code",
             "from a child",
@@ -187,3 +188,42 @@ def test_what_a_command_writes_to_its_errors_is_in_the_reason_of_a_failed_run(
         assert outcome.why is not None
         assert reason in outcome.why
         assert outcome.why.endswith("no licence")
+
+
+@pytest.mark.parametrize(
+    ("answer", "said"),
+    [
+        ("None", "the function returns nothing; return a dictionary"),
+        ("[1.0, 2.0]", "the function returns [1.0, 2.0]; return a dictionary"),
+        ('{"time": t, "height": t / (t - 0.5)}',
+         "height = inf at index 5, time 0.5 s, is no finite number; 1 of 11 values are not"),
+        ('{"height": float("nan")}', "height = nan is no finite number"),
+        ('{"time": t, "height": [None] * 11}', "height = [None, None"),
+        ('{"height": [[1.0], 2.0]}', "height is no array of numbers"),
+    ],
+)  # fmt: skip
+def test_an_answer_that_cannot_be_used_says_why_and_names_no_line_of_mfopt(
+    tmp_path: Path, answer: str, said: str
+) -> None:
+    (tmp_path / "odd.py").write_text(
+        "import numpy as np\n"
+        "def f(parameters, conditions, seed):\n"
+        "    t = np.linspace(0.0, 1.0, 11)\n"
+        "    with np.errstate(all='ignore'):\n"
+        f"        return {answer}\n"
+    )
+    rig = ProgramRig(CHANNELS, function=(str(tmp_path / "odd.py"), "f"))
+    outcome = rig.level("drop", {}, ()).evaluate(np.array([]), seed=1)
+    assert outcome.status == "crashed"
+    assert outcome.why is not None
+    assert said in outcome.why
+    assert "rig.py" not in outcome.why
+
+
+def test_a_command_names_the_first_value_that_is_no_number(tmp_path: Path) -> None:
+    text = """print('{"height": [1.0, NaN, NaN], "time": [0.0, 0.1, 0.2]}')"""
+    (tmp_path / "odd.py").write_text(text)
+    rig = ProgramRig(CHANNELS, command=(sys.executable, str(tmp_path / "odd.py")))
+    outcome = rig.level("drop", {}, ()).evaluate(np.array([]), seed=1)
+    assert outcome.why is not None
+    assert "height = nan at index 1, time 0.1 s, is no finite number; 2 of 3 values" in outcome.why
