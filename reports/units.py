@@ -11,7 +11,8 @@ from reports.statistics import median
 
 LARGEST_SMALL = 10.0  # [s] or [m]: below it ms and mm read better, as on drawings
 LARGEST = sys.float_info.max_10_exp
-READABLE = 1e7  # below it, and above its inverse, a number reads without an exponent
+LONGEST = 7  # digits before the point without an exponent
+READABLE = 10.0**LONGEST  # below it, and above its inverse, a number reads without an exponent
 FAILED = "failed"
 MISSING = "\u2013"  # en dash
 MINUS = "\u2212"
@@ -62,8 +63,14 @@ def display(unit: str, values: ArrayLike) -> Display:
     return Display(1.0, MISSING if unit in ("-", "") else unit)
 
 
-def number(value: float | None, significant: int = 4) -> str:
-    """A number to so many significant digits; with an exponent only if it is needed."""
+def number(value: float | None, significant: int = 4, longest: int = LONGEST) -> str:
+    """A number to so many significant digits; with an exponent only if it is needed.
+
+    Args:
+        value: infinite if it is beyond all numbers, None or nan if there is none.
+        significant: digits.
+        longest: number of digits before the point without an exponent.
+    """
     if value is None or math.isnan(value):
         return MISSING
     if math.isinf(value):
@@ -72,7 +79,7 @@ def number(value: float | None, significant: int = 4) -> str:
         return "0"
     mantissa, _, exponent = f"{value:.{significant - 1}e}".partition("e")
     magnitude = int(exponent)
-    if not -4 <= magnitude < 7:
+    if not -4 <= magnitude < longest:
         return f"{mantissa.replace('-', MINUS)}\u00b710{_power(magnitude)}"
     return fixed(value, max(0, significant - 1 - magnitude))
 

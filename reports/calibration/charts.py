@@ -2,13 +2,15 @@
 
 from collections.abc import Sequence
 from itertools import cycle
+from textwrap import fill
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mfopt.arrays import Array
 from mfopt.records.calibration import Compared, Found
-from reports.calibration.units import label, shown, words
+from reports.calibration.units import LONG, label, tick, words
 from reports.charts import (
     BLUE,
     GREEN,
@@ -22,7 +24,6 @@ from reports.charts import (
     short,
     styled,
 )
-from reports.units import Display
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,9 +32,11 @@ if TYPE_CHECKING:
 COLOURS = (BLUE, ORANGE, GREEN, PURPLE, "#56B4E9", "#B8860B", GREY)
 TALLEST = 8.4  # [inch] a page of A4 with heading and caption
 PANEL = 1.45  # [inch] height of a panel over time; two figures of two fit a page
+LETTERS_OF_PANEL = 20  # side by side along its height
 LEGEND_ROW = 0.19  # [inch]
 EXPLAINED = 2.0  # standard deviations that about 95 % of residuals do not exceed
 BINS = 24
+MANY_TICKS = 20.0  # ratio of the ends of an axis, from which only powers of ten are marked
 LETTERS = 96  # of the names of all parameters side by side
 MOST_PARAMETERS = 7  # of a posterior figure: more are too small to read
 
@@ -44,20 +47,18 @@ def recording(channels: Sequence[Compared], *, held_out: bool) -> str:
         colour = ORANGE if held_out else BLUE
         height = min(TALLEST, 0.9 + PANEL * len(channels))
         figure, axes = panels_over_time(height, len(channels), bottom=0.75)
-        time = shown("s", [max(c.times[-1] for c in channels if c.times)])
         for axis, its in zip(axes, channels, strict=True):
-            unit = shown(its.unit, [*its.recorded, *its.high])
-            t = np.array(its.times) * time.factor
-            low, high, mean, seen = (
-                np.array(v) * unit.factor for v in (its.low, its.high, its.simulated, its.recorded)
-            )
-            axis.fill_between(t, low, high, color=colour, alpha=0.2, lw=0.0,
+            t = np.array(its.times)
+            axis.fill_between(t, its.low, its.high, color=colour, alpha=0.2, lw=0.0,
                               label="simulated: 90 % of single runs")  # fmt: skip
-            axis.plot(t, mean, color=colour, ls="--" if held_out else "-", label="simulated: mean")
-            axis.plot(t, seen, "o", color="#222222", ms=2.6, mfc="white", mew=0.8, label="recorded")
-            axis.set_ylabel(label(words(its.channel), unit))
+            axis.plot(t, its.simulated, color=colour, ls="--" if held_out else "-",
+                      label="simulated: mean")  # fmt: skip
+            axis.plot(t, its.recorded, "o", color="#222222", ms=2.6, mfc="white", mew=0.8,
+                      label="recorded")  # fmt: skip
+            axis.set_ylabel(wrapped(label(words(its.channel), its.unit)))
+            _ticks(axis.yaxis, its.high)
             axis.margins(x=0.01)
-        axes[-1].set_xlabel(label("time", time))
+        axes[-1].set_xlabel(label("time", "s"))
         figure.align_ylabels(axes)
         legend_below(figure, axes[:1], columns=3)
         return as_svg(figure)
@@ -75,7 +76,6 @@ def residuals(compared: Sequence[Compared]) -> str:
         bottom = 0.6 + LEGEND_ROW * rows
         height = min(TALLEST, 0.1 + bottom + PANEL * len(channels))
         figure, axes = panels_over_time(height, len(channels), bottom=bottom)
-        time = shown("s", [max(c.times[-1] for c in compared if c.times)])
         largest = EXPLAINED
         for axis, channel in zip(axes, channels, strict=True):
             axis.axhspan(-EXPLAINED, EXPLAINED, color="#eef3f7", zorder=0)
@@ -85,9 +85,8 @@ def residuals(compared: Sequence[Compared]) -> str:
                     away = residual(its)
                     largest = max(largest, float(np.max(np.abs(away))))
                     colour, dashes = looks[its.recording]
-                    axis.plot(np.array(its.times) * time.factor, away, color=colour, lw=1.3,
-                              ls=dashes)  # fmt: skip
-            axis.set_ylabel(f"{words(channel)}\nresidual / sd")
+                    axis.plot(np.array(its.times), away, color=colour, lw=1.3, ls=dashes)
+            axis.set_ylabel(f"{wrapped(words(channel))}\nresidual / sd")
             axis.margins(x=0.01)
         for axis in axes:
             axis.set_ylim(-1.1 * largest, 1.1 * largest)
@@ -95,7 +94,7 @@ def residuals(compared: Sequence[Compared]) -> str:
         for name, (colour, dashes) in looks.items():
             text = short(name, 40) + " (held out)" * (name in held)
             axes[0].plot([], [], color=colour, ls=dashes, lw=1.3, label=text)
-        axes[-1].set_xlabel(label("time", time))
+        axes[-1].set_xlabel(label("time", "s"))
         figure.align_ylabels(axes)
         legend_below(figure, axes[:1])
         return as_svg(figure)
@@ -106,6 +105,17 @@ def residual(its: Compared) -> Array:
     expected = np.array(its.expected)
     away = np.array(its.recorded) - np.array(its.simulated)
     return np.where(expected > 0.0, away / expected, 0.0)
+
+
+def wrapped(name: str) -> str:
+    """A name in lines that are no longer than a panel over time is high."""
+    return fill(name, LETTERS_OF_PANEL)
+
+
+def _ticks(side: "Axis", values: ArrayLike) -> None:
+    """Powers of ten at each tick, where matplotlib would set them beside the axis."""
+    if not 10.0 ** (1 - LONG) < float(np.max(np.abs(values))) < 10.0**LONG:
+        side.set_major_formatter(tick)
 
 
 def _dashes(count: int) -> list[str]:
@@ -133,15 +143,13 @@ def numbers(compared: Sequence[Compared]) -> str:
 
 
 def _strip(axis: "Axes", its: Compared) -> None:
-    unit = shown(its.unit, [*its.recorded, *its.high])
-    seen, mean, low, high = (
-        v[0] * unit.factor for v in (its.recorded, its.simulated, its.low, its.high)
-    )
+    seen, mean, low, high = (v[0] for v in (its.recorded, its.simulated, its.low, its.high))
     axis.errorbar([mean], [0.0], xerr=[[mean - low], [high - mean]], fmt="s", ms=5, capsize=3,
                   color=ORANGE if its.held_out else BLUE,
                   label="simulated: mean, 90 % of single runs")  # fmt: skip
     axis.plot([seen], [0.0], "o", color="#222222", ms=6, mfc="white", mew=1.3, label="recorded")
-    axis.set(yticks=[0.0], ylim=(-1.0, 1.0), xlabel=label(words(its.channel), unit))
+    axis.set(yticks=[0.0], ylim=(-1.0, 1.0), xlabel=label(words(its.channel), its.unit))
+    _ticks(axis.xaxis, its.high)
     axis.set_yticklabels([short(its.recording, 30) + "\n(held out)" * its.held_out])
     axis.margins(x=0.15)
 
@@ -160,32 +168,30 @@ def posterior(parameters: Sequence[Found], draws: Array, correlation: Array) -> 
             left=0.72 / side, right=1.0 - 0.12 / side, bottom=0.55 / height,
             top=1.0 - 0.12 / height, wspace=0.09, hspace=0.09,
         )  # fmt: skip
-        units = [shown(p.unit, draws[:, i]) for i, p in enumerate(parameters)]
-        values = draws * [unit.factor for unit in units]
         for row in range(count):
             for column in range(count):
                 axis = axes[row, column]
                 if row == column:
-                    _histogram(axis, parameters[row], values[:, row], units[row])
+                    _histogram(axis, parameters[row], draws[:, row])
                 elif row > column:
-                    axis.plot(values[:, column], values[:, row], "o", color=BLUE, ms=1.8,
+                    axis.plot(draws[:, column], draws[:, row], "o", color=BLUE, ms=1.8,
                               mew=0.0, alpha=0.45)  # fmt: skip
-                    axis.plot(*(parameters[k].best * units[k].factor for k in (column, row)), "+",
+                    axis.plot(parameters[column].best, parameters[row].best, "+",
                               color=ORANGE, ms=9, mew=1.8)  # fmt: skip
                 else:
                     _coefficient(axis, float(correlation[row, column]))
                 if row >= column:
-                    _axes(axis, parameters, values, row, column, units)
+                    _axes(axis, parameters, draws, row, column)
         return as_svg(figure)
 
 
-def _histogram(axis: "Axes", its: Found, values: Array, unit: Display) -> None:
+def _histogram(axis: "Axes", its: Found, values: Array) -> None:
     low, high = _limits(its, values)
     edges = np.geomspace(low, high, BINS + 1) if its.log else np.linspace(low, high, BINS + 1)
     axis.hist(values, edges.tolist(), color=BLUE, alpha=0.35, histtype="stepfilled")
-    axis.axvline(its.best * unit.factor, color=ORANGE, lw=1.5)
+    axis.axvline(its.best, color=ORANGE, lw=1.5)
     for end in its.interval:
-        axis.axvline(end * unit.factor, color=GREY, lw=1.0, ls=":")
+        axis.axvline(end, color=GREY, lw=1.0, ls=":")
 
 
 def _limits(its: Found, values: Array) -> tuple[float, float]:
@@ -204,17 +210,14 @@ def _coefficient(axis: "Axes", value: float) -> None:
               transform=axis.transAxes, color="#222222", fontsize=9 + 3 * abs(value))  # fmt: skip
 
 
-def _axes(
-    axis: "Axes", parameters: Sequence[Found], values: Array, row: int, column: int,
-    units: Sequence[Display],
-) -> None:  # fmt: skip
+def _axes(axis: "Axes", parameters: Sequence[Found], values: Array, row: int, column: int) -> None:
     """Limits, ticks and labels: at the left and lower edge only."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+    from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
     last = len(parameters) - 1
     size = 8.0 if last < 4 else 6.5
     longest = LETTERS // len(parameters)
-    names = [label(short(p.name, longest), unit) for p, unit in zip(parameters, units, strict=True)]
+    names = [label(short(p.name, longest), p.unit) for p in parameters]
     ends = [_limits(parameters[k], values[:, k]) for k in (column, row)]
     sides: list[tuple[Axis, int, bool]] = [(axis.xaxis, column, row == last)]
     axis.set_xlim(*ends[0])
@@ -230,11 +233,14 @@ def _axes(
         sides.append((axis.yaxis, row, column == 0))
     for side, k, labelled in sides:
         if parameters[k].log:
-            side.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=5))
+            low, high = _limits(parameters[k], values[:, k])
+            subs = (1.0, 2.0, 5.0) if high < MANY_TICKS * low else (1.0,)
+            side.set_major_locator(LogLocator(subs=subs, numticks=5))
+            side.set_major_formatter(tick)
             side.set_minor_formatter(NullFormatter())
-            side.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         else:
             side.set_major_locator(MaxNLocator(3 if last > 2 else 4))
+            _ticks(side, values[:, k])
         side.set_tick_params(labelsize=7.5, labelbottom=labelled, labelleft=labelled)
     if row == last:
         axis.set_xlabel(names[column], fontsize=size)

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from mfopt.records.calibration import Compared, Found, Summary, chance
-from reports.calibration.units import of_parameter, resolved, with_unit
+from reports.calibration.units import powers, resolved, with_unit
 from reports.units import MINUS, number
 
 
@@ -31,13 +31,13 @@ def sentence(its: Summary) -> str:
 
 def value(its: Found) -> str:
     """The mean with its unit."""
-    return with_unit(resolved(its.mean, its), of_parameter(its))
+    return with_unit(resolved(its.mean, its), its.unit)
 
 
 def interval(its: Found) -> str:
     """The 90 % interval with its unit."""
     low, high = (resolved(v, its) for v in its.interval)
-    return with_unit(f"{low} to {high}", of_parameter(its))
+    return with_unit(f"{low} to {high}", its.unit)
 
 
 def fit(its: Summary) -> str:
@@ -91,7 +91,7 @@ def undetermined(its: Summary) -> list[str]:
 def typeset(line: str) -> str:
     """A line of the words of a calibration as a sentence of a page."""
     signs = line.replace(" - ", f" {MINUS} ").replace("(correlation -", f"(correlation {MINUS}")
-    return signs.replace(" %", "\u202f%") + "."
+    return powers(signs).replace(" %", "\u202f%") + "."
 
 
 def listed(names: Sequence[str]) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mfopt.records.calibration import Compared, EmulatorCheck, Found, Measured, Recorded, Summary
-from reports.calibration.units import of_parameter, resolved, shown, with_unit, words
+from reports.calibration.units import brief, resolved, with_unit, words
 from reports.campaign import PHASES, hours
 from reports.rows import Row
 from reports.units import number
@@ -45,14 +45,14 @@ def parameters(its: Summary) -> list[ParameterLine]:
 
 
 def _parameter(its: Found, *, fits: bool) -> ParameterLine:
-    unit, (low, high) = of_parameter(its), its.interval
+    low, high = its.interval
     best, mean, lowest, highest = (resolved(v, its) for v in (its.best, its.mean, low, high))
     said = "determined" if its.determined else "not determined"
     said = said if its.asked else "fitted along"
     more = [] if its.edge is None else [f"at the {its.edge} end"]
     more += [] if fits else ["of a wrong model"]
     return ParameterLine(
-        its.name, unit.unit, number(its.low * unit.factor, 2), number(its.high * unit.factor, 2),
+        its.name, "" if its.unit == "-" else its.unit, brief(its.low), brief(its.high),
         best, mean, f"{lowest} to {highest}", f"{number(100.0 * its.share, 2)}\u202f%",
         ", ".join([said, *more]),
         _place(its, low), _place(its, high), _place(its, its.best),
@@ -88,11 +88,10 @@ def errors(compared: Sequence[Compared]) -> list[list[str]]:
         away = np.array(c.recorded) - np.array(c.simulated)
         rms = float(np.sqrt(np.mean(away**2)))
         explained = float(np.sqrt(np.mean(np.square(c.expected))))
-        unit = shown(c.unit, [rms, explained])
         lines.append([
             c.recording, words(c.channel), USES[c.held_out],
-            with_unit(number(rms * unit.factor, 2), unit),
-            with_unit(number(explained * unit.factor, 2), unit),
+            with_unit(brief(rms), c.unit),
+            with_unit(brief(explained), c.unit),
             f"{c.error:.2f}",
         ])  # fmt: skip
     return lines
@@ -132,8 +131,7 @@ def without(its: Summary) -> list[list[str]]:
 
 
 def _between(its: Found, low: float, high: float) -> str:
-    unit = of_parameter(its)
-    return with_unit(f"{resolved(low, its)} to {resolved(high, its)}", unit)
+    return with_unit(f"{resolved(low, its)} to {resolved(high, its)}", its.unit)
 
 
 def emulators(its: Sequence[EmulatorCheck]) -> list[list[str]]:
@@ -152,13 +150,11 @@ def noise(its: Sequence[Measured]) -> list[list[str]]:
     """Channel, standard deviation, its interval, autocorrelation time, where from."""
     lines = []
     for n in its:
-        unit = shown(n.unit, [n.sigma])
-        low, high = (number(v * unit.factor, 2) for v in n.sigma_range)
-        time = shown("s", [n.autocorrelation_time])
+        low, high = map(brief, n.sigma_range)
         lines.append([
-            words(n.channel), with_unit(number(n.sigma * unit.factor, 2), unit),
-            with_unit(f"{low} to {high}", unit),
-            with_unit(number(n.autocorrelation_time * time.factor, 2), time)
+            words(n.channel), with_unit(brief(n.sigma), n.unit),
+            with_unit(f"{low} to {high}", n.unit),
+            with_unit(brief(n.autocorrelation_time), "s")
             if n.autocorrelation_time > 0.0 else "none",
             n.found,
         ])  # fmt: skip

@@ -1,27 +1,16 @@
-"""How values of a calibration are shown: units that fit their size, names in words."""
+"""How values of a calibration are shown: in the units of the case file, with the digits that count.
+
+Terminal, warnings and case file have the same units. So no value of a page is converted.
+"""
 
 import math
-from collections.abc import Iterable
-
-import numpy as np
+import re
 
 from mfopt.records.calibration import Found
-from reports.units import Display, fixed, number
+from reports.units import MINUS, SUPERSCRIPT, fixed, number
 
-WITHOUT = Display(1.0, "")  # of a pure number
-LONG = 1e5  # numbers from here on, or below the inverse, have an exponent
-
-
-def shown(unit: str, values: Iterable[float]) -> Display:
-    """The unit in which the largest of `values` [unit] reads best; none for pure numbers."""
-    largest = float(np.max(np.abs(list(values)), initial=0.0))
-    if unit in ("m", "s", "kg") and largest < 1.0:
-        return Display(1e3, "g" if unit == "kg" else f"m{unit}")
-    if unit == "Pa" and largest >= LONG:
-        return Display(1e-6, "MPa")
-    if unit == "rad":
-        return Display(math.degrees(1.0), "°")
-    return WITHOUT if unit in ("-", "") else Display(1.0, unit)
+LONG = 5  # digits before the point; numbers with more have an exponent
+EXPONENT = re.compile(r"(?<=\d)e\+?(-?)0*(?=\d)(\d+)\b")  # as computers write it
 
 
 def words(name: str) -> str:
@@ -29,27 +18,36 @@ def words(name: str) -> str:
     return name.replace("_", " ")
 
 
-def label(name: str, its: Display) -> str:
+def label(name: str, unit: str) -> str:
     """A name with its unit, as axes and heads of tables carry it."""
-    return f"{name} {its.bracket}" if its.unit else name
+    return f"{name} [{unit}]" if unit not in ("-", "") else name
 
 
-def of_parameter(its: Found) -> Display:
-    """How the values of a parameter are shown."""
-    return shown(its.unit, [its.high])
+def with_unit(text: str, unit: str) -> str:
+    """A number with its unit; a pure number, whose unit is "-", stands alone."""
+    return f"{text}\u202f{unit}" if unit not in ("-", "") else text
+
+
+def brief(value: float, significant: int = 2) -> str:
+    """A number to so many significant digits."""
+    return number(value, significant, LONG)
+
+
+def powers(text: str) -> str:
+    """The text with its exponents as powers of ten."""
+    return EXPONENT.sub(lambda its: f"\u00b710{(its[1] + its[2]).translate(SUPERSCRIPT)}", text)
+
+
+def tick(value: float, _: int | None = None) -> str:
+    """A round number of an axis."""
+    return powers(f"{value:g}").replace("-", MINUS)
 
 
 def resolved(value: float, its: Found) -> str:
     """A value of a parameter to the digits that its interval justifies: two of the width."""
-    unit = of_parameter(its)
-    scaled, step = value * unit.factor, (its.interval[1] - its.interval[0]) * unit.factor
+    step = its.interval[1] - its.interval[0]
     if its.log:
-        return number(scaled, 2)
-    if not (step > 0.0 and math.isfinite(step)) or not 1.0 / LONG < abs(scaled) < LONG:
-        return number(scaled, 3)
-    return fixed(scaled, max(0, 1 - math.floor(math.log10(step))))
-
-
-def with_unit(text: str, its: Display) -> str:
-    """A number with its unit."""
-    return f"{text}\u202f{its.unit}" if its.unit else text
+        return brief(value)
+    if not (step > 0.0 and math.isfinite(step)) or not 10.0**-LONG < abs(value) < 10.0**LONG:
+        return brief(value, 3)
+    return fixed(value, max(0, 1 - math.floor(math.log10(step))))

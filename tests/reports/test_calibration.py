@@ -12,12 +12,13 @@ from calibrations import calibration, draws, number, parameter, series, summary
 from pypdf import PdfReader
 from test_write import squeezed, words
 
+from calibration.words import warnings
 from mfopt.errors import ConfigError
-from mfopt.records.calibration import FILE, Recorded, Summary
-from reports.calibration import write_calibration_report
+from mfopt.records.calibration import FILE, Measured, Recorded, Summary
+from reports.calibration import charts, write_calibration_report
 from reports.calibration.figures import best_fit_file
-from reports.calibration.sentences import misfit, sentence
-from reports.calibration.units import resolved, shown
+from reports.calibration.sentences import misfit, sentence, typeset
+from reports.calibration.units import resolved
 
 
 def written(folder: Path, its: Summary | None = None) -> tuple[str, PdfReader]:
@@ -37,10 +38,11 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str]:
 SAID = (
     "The recordings determine friction = 0.370 (90 % interval 0.330 to 0.410).",
     "They do not determine restitution.", "The simulation fits the recordings.",
-    "restitution is not determined: 0.35 to 0.90 has 90 % probability", "0.70 to 5.0", "MPa",
+    "restitution is not determined: 0.35 to 0.90 has 90 % probability",
+    "7.0\u00b710\u2075 to 5.0\u00b710\u2076", "Pa",
     "restitution \u2212 young_modulus", "young_modulus was fitted along", "probability 0.58",
     "slot 30 mm", "slot 40 mm", "opening_mm = 40, scene = discharge", "discharged fraction",
-    "angle of repose", "held out", "a.csv: It had a gap.", "from 3 repeats", "30 ms", "0.50 mm",
+    "angle of repose", "held out", "a.csv: It had a gap.", "from 3 repeats", "0.030 s", "0.00050 m",
     "the bottom fell out", "spread over the ranges", "draws of the posterior", "Residuals",
     "What to record next", "To determine restitution, record next: a heap.", "31 %", "92 %",
     "Check of the emulators", "The emulators know their errors.", "left out", "1.60",
@@ -179,17 +181,32 @@ def test_a_damaged_result_is_refused(tmp_path: Path, change, said: str) -> None:
 def test_values_have_the_digits_of_their_interval() -> None:
     assert resolved(0.123456, parameter("a", interval=(0.12, 0.125))) == "0.1235"
     assert resolved(12.3456, parameter("a", interval=(3.0, 20.0), high=30.0)) == "12"
-    assert resolved(0.0456, parameter("a", "m", interval=(0.04, 0.05))) == "46"
-    assert resolved(2.345e6, parameter("a", "Pa", high=1e7, log=True)) == "2.3"
+    assert resolved(0.0456, parameter("a", "m", interval=(0.04, 0.05))) == "0.046"
+    assert resolved(2.345e6, parameter("a", "Pa", high=1e7, log=True)) == "2.3\u00b710\u2076"
 
 
-@pytest.mark.parametrize(
-    ("unit", "largest", "said"),
-    [("m", 0.5, "mm"), ("m", 10.0, "m"), ("-", 3.0, ""), ("kg/s", 0.1, "kg/s"), ("rad", 1.0, "°"),
-     ("kg", 0.2, "g"), ("Pa", 2e6, "MPa"), ("Pa", 50.0, "Pa"), ("s", 0.01, "ms")],
-)  # fmt: skip
-def test_units_fit_the_largest_value(unit: str, largest: float, said: str) -> None:
-    assert shown(unit, [0.0, -largest]).unit == said
+def test_values_axes_and_warnings_of_a_page_have_the_units_of_the_case(tmp_path: Path) -> None:
+    swing = parameter("swing", "rad", high=1.5, edge="upper")
+    its = summary(
+        parameters=(swing,), correlation=[[1.0]], draws=[[0.35], [0.36], [0.37]],
+        compared=(series("drum", "angle", "rad", 0.7, held_out=False),),
+        recordings=(Recorded("drum", False, {}, 1, ()),),
+        noise=(Measured("angle", "rad", 5e-3, (4e-3, 6e-3), 0.03, "from 3 repeats"),),
+    )  # fmt: skip
+    its = replace(its, warnings=warnings(its))
+    text, _ = written(tmp_path, its)
+    assert "end of its range, 1.5 rad" in text
+    assert squeezed("0.330 to 0.410 rad") in squeezed(text)
+    assert squeezed("0.0050 rad") in squeezed(text)
+    assert "\u00b0" not in text
+    assert "angle [rad]" in charts.recording(its.compared, held_out=False)
+    assert "swing [rad]" in charts.posterior(its.parameters, np.array(its.draws), np.eye(1))
+
+
+def test_powers_of_ten_in_a_warning_are_typeset() -> None:
+    assert typeset("1.2e+07 Pa, 3e-05 m, size2e, 1e6b") == (
+        "1.2\u00b710\u2077 Pa, 3\u00b710\u207b\u2075 m, size2e, 1e6b."
+    )
 
 
 def test_sentences_name_only_what_there_is() -> None:
