@@ -11,6 +11,7 @@ from calibration.campaign import Campaign, Fitted
 from calibration.durations import unlike_durations
 from calibration.emulator_check import check_emulators
 from calibration.observed import Observed
+from calibration.offsets import offsets
 from calibration.posterior import LEVEL, Posterior, prior_transform, to_unit
 from calibration.recordings.case import Case
 from calibration.recordings.records import Noise, Recording
@@ -93,6 +94,7 @@ def summary(
         warnings=[],
         check=[],
         words=[],
+        offsets=offsets(fitted, case, channels),
     )
     made = replace(
         made,

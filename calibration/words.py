@@ -6,7 +6,15 @@ from itertools import combinations as pairs_of
 import numpy as np
 
 from mfopt.names import with_unit
-from mfopt.records.calibration import Compared, EmulatorCheck, Found, LeftOut, Summary, chance
+from mfopt.records.calibration import (
+    Compared,
+    EmulatorCheck,
+    Found,
+    LeftOut,
+    Offset,
+    Summary,
+    chance,
+)
 
 DETERMINED = 0.5  # of the prior's interval: a narrower posterior says something
 WELL_DETERMINED = 0.25  # of the prior's standard deviation, of a combination
@@ -30,6 +38,7 @@ def in_words(its: Summary) -> list[str]:
         *its.further,
         *(without_in_words(its, fit) for fit in its.without),
         *map(error_in_words, its.compared),
+        *(offset_in_words(o) for o in its.offsets if o.notable),
         *its.check,
         f"{its.runs} simulations, {its.failed} failed, {its.cpu_s:.0f} s of CPU",
     ]
@@ -209,6 +218,15 @@ def error_in_words(its: Compared) -> str:
     return (
         f"{its.recording}, {its.channel} ({kind}): error {off} rms, {its.error:.2f} "
         "times what noise, scatter of runs and stated errors explain"
+    )
+
+
+def offset_in_words(its: Offset) -> str:
+    """That an error of zero, scale or clock is larger than stated."""
+    found, sd, stated = (with_unit(f"{v:.2g}", its.unit) for v in (its.found, its.sd, its.stated))
+    return (
+        f"{its.recording}: the {its.error} was found off by {found} (1 sd {sd}), more than the "
+        f"stated {stated}"
     )
 
 

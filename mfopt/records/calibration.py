@@ -14,6 +14,8 @@ FILE = "calibration.json"  # in the run directory
 
 UNLIKELY, LIKELY = 0.001, 0.99  # probabilities beyond are only said to be so
 
+SEEN = 2.0  # standard deviations, from which an error is beyond doubt
+
 Edge = Literal["lower", "upper"]
 
 
@@ -102,6 +104,23 @@ class EmulatorCheck:
 
 
 @dataclass(frozen=True, slots=True)
+class Offset:
+    """An error of zero, scale or clock that is constant in a recording, recorded less true."""
+
+    recording: str
+    error: str  # which one, in words
+    unit: str
+    stated: float  # 1 sd that the case gives
+    found: float  # mean, given all recordings
+    sd: float  # 1 sd of that
+
+    @property
+    def notable(self) -> bool:
+        """Whether it is larger than stated, and seen beyond doubt."""
+        return abs(self.found) > max(self.stated, SEEN * self.sd)
+
+
+@dataclass(frozen=True, slots=True)
 class LeftOut:
     """A fit of the same runs in which one error does not count."""
 
@@ -148,6 +167,7 @@ class Summary:
     warnings: list[str]  # why the values may be wrong; in words
     check: list[str]  # that the emulators know their errors; empty if one does not
     words: list[str]  # the result, one sentence a line
+    offsets: tuple[Offset, ...] = ()  # of fitted recordings; empty if the case states no such error
 
 
 def chance(probability: float) -> str:

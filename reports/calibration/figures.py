@@ -59,6 +59,8 @@ def posterior(its: Summary) -> Figure:
 def recordings(its: Summary, *, held_out: bool) -> list[Figure]:
     """Each recording with series beside its simulations."""
     made = []
+    constant = " Errors of zero, scale and clock are not in the band: all points may lie beside it."
+    constant *= bool(its.offsets)
     for recording in its.recordings:
         channels = [c for c in its.compared if c.recording == recording.name and c.times]
         if recording.held_out is not held_out or not channels:
@@ -72,8 +74,8 @@ def recordings(its: Summary, *, held_out: bool) -> list[Figure]:
                 f"Recorded and simulated {listed([words(c.channel) for c in channels])} over "
                 f"time in the recording {recording.name}.",
                 f"{recording.name} ({use}). Points are {of}, averaged around each point. The line "
-                "is the mean of runs with drawn parameters, each on a packing of its own. Of such "
-                "single runs 90\u202f% lie in the band.",
+                "is the mean of runs with drawn parameters, each with a seed of its own. Of such "
+                "single runs 90\u202f% lie in the band." + constant,
             )
         )
     return made

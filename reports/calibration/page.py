@@ -34,6 +34,7 @@ def context(given: RunDirectory, found: Summary) -> dict[str, Any]:
         "without": tables.without(its) if its.without else [],
         "check": [sentences.typeset(line) for line in its.check],
         "emulators": tables.emulators(its.emulators),
+        "offsets": tables.offsets(its.offsets),
         "errors": tables.errors(its.compared),
         "recordings": tables.recordings(its.recordings),
         "notes": [note for recording in its.recordings for note in recording.notes],

@@ -6,7 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mfopt.records.calibration import Compared, EmulatorCheck, Found, Measured, Recorded, Summary
+from mfopt.records.calibration import (
+    Compared,
+    EmulatorCheck,
+    Found,
+    Measured,
+    Offset,
+    Recorded,
+    Summary,
+)
 from reports.calibration.units import brief, resolved, with_unit, words
 from reports.campaign import PHASES, hours
 from reports.rows import Row
@@ -95,6 +103,18 @@ def errors(compared: Sequence[Compared]) -> list[list[str]]:
             f"{c.error:.2f}",
         ])  # fmt: skip
     return lines
+
+
+def offsets(its: Sequence[Offset]) -> list[list[str]]:
+    """Recording, error, what the case states, what was found, and the doubt about that."""
+    return [
+        [
+            o.recording,
+            words(o.error),
+            *(with_unit(brief(v), o.unit) for v in (o.stated, o.found, o.sd)),
+        ]
+        for o in its
+    ]
 
 
 def advice_head(its: Summary) -> list[str]:

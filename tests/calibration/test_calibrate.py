@@ -11,9 +11,10 @@ from calibration import campaign as whole
 from calibration.campaign import Campaign, calibrate, runs_of_each
 from calibration.left_out import fits_without
 from calibration.likelihood import likelihood, with_scores
+from calibration.offsets import offsets
 from calibration.parts import EVERY_PART, Parts
 from calibration.posterior import to_unit
-from calibration.recordings.case import Case, Measurement, Parameter
+from calibration.recordings.case import Case, Known, Measurement, Parameter
 from calibration.recordings.noise import measurement_noise
 from calibration.recordings.records import Recording, Repeat, Series
 from calibration.runs import Evaluate
@@ -127,6 +128,35 @@ def test_a_stated_error_of_the_clock_widens_the_interval(
         np.diff(its.fitted.posterior.interval(), axis=1)[0, 0] for its in (campaigns[0], unsure)
     ]
     assert widths[1] > 1.5 * widths[0]
+
+
+def test_the_zero_and_the_clock_that_were_off_are_found() -> None:
+    off, fast = 0.03, 0.04  # [m], relative
+    truth = frozen([0.35, 0.03])
+    stated = Measurement(channels={"level": Known(offset=0.02)}, clock_error=0.04)
+    case = case_of(truth, 1, stated, clock=1.0 - fast)
+    case = replace(case, recordings=tuple(_raised(r, off) for r in case.recordings))
+    campaign = campaign_of(case)
+    its = {(o.recording, o.error): o for o in offsets(campaign.fitted, case, Tank.channels)}
+    assert len(its) == 4
+    for recording in ("full", "half"):
+        zero, clock = its[recording, "zero of level"], its[recording, "speed of the clock"]
+        assert (zero.unit, zero.stated, clock.unit) == ("m", 0.02, "-")
+        assert abs(zero.found - off) < 2.5 * zero.sd
+        assert abs(clock.found - fast) < 2.5 * clock.sd
+        assert zero.sd < 0.02
+        assert clock.sd < 0.04
+    right = case_of(truth, 1)
+    assert offsets(campaign_of(right).fitted, right, Tank.channels) == ()
+
+
+def _raised(its: Recording, by: float) -> Recording:
+    repeats = []
+    for repeat in its.repeats:
+        level = repeat.series["level"]
+        raised = replace(level, values=frozen(level.values + by))
+        repeats.append(replace(repeat, series={"level": raised}))
+    return replace(its, repeats=tuple(repeats))
 
 
 def test_failed_runs_are_left_out(campaigns: list[Campaign]) -> None:

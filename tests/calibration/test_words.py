@@ -24,6 +24,7 @@ from mfopt.records.calibration import (
     EmulatorCheck,
     Found,
     LeftOut,
+    Offset,
     Summary,
     chance,
 )
@@ -168,6 +169,17 @@ def test_a_fit_without_an_error_says_how_much_narrower_intervals_are() -> None:
         "Without the error clock: linear 0.35 to 0.39, 50 % as wide; quadratic 0.3 to 0.42, "
         "150 % as wide; misfit 50 instead of 20 on 20 degrees of freedom"
     )
+
+
+def test_an_error_of_the_zero_is_said_if_it_is_larger_than_stated() -> None:
+    right = Offset("slot", "zero of level", "m", 0.001, 0.0008, 0.0003)
+    off = Offset("slot", "zero of level", "m", 0.001, -0.00153, 0.0003)
+    unseen = Offset("slot", "scale of level", "-", 0.001, 0.002, 0.0015)
+    lines = [x for x in in_words(summary(offsets=(right, off, unseen))) if "found off" in x]
+    assert lines == [
+        "slot: the zero of level was found off by -0.0015 m (1 sd 0.0003 m), more than the stated "
+        "0.001 m"
+    ]
 
 
 def test_a_wrong_model_gives_no_advice() -> None:
