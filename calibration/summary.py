@@ -14,6 +14,7 @@ from calibration.observed import Observed
 from calibration.offsets import offsets
 from calibration.posterior import LEVEL, Posterior, prior_transform, to_unit
 from calibration.recordings.case import Case
+from calibration.recordings.notes import notes_by_files
 from calibration.recordings.records import Noise, Recording
 from calibration.runs import Predicted
 from calibration.words import (
@@ -67,10 +68,11 @@ def summary(
     posterior, outcomes = fitted.posterior, [e.outcome for e in campaign.evaluations]
     prior = _prior_draws(case)
     probability = float(chi2.sf(campaign.misfit, campaign.freedom))
+    fits = probability >= MISFIT
     beside = tuple(c for p in campaign.predicted for c in compared(p, _scatter(fitted), channels))
     made = Summary(
         name=case.name,
-        parameters=_found(posterior, problem, prior),
+        parameters=_found(posterior, problem, prior, fits=fits),
         directions=_directions(posterior, prior),
         combinations=[],
         trade_offs=[],
@@ -80,7 +82,7 @@ def summary(
         misfit=campaign.misfit,
         freedom=campaign.freedom,
         probability=probability,
-        fits=probability >= MISFIT,
+        fits=fits,
         recordings=tuple(map(_recorded, case.recordings)),
         compared=beside,
         noise=tuple(_measured(noise, channels[name].unit) for name, noise in noises.items()),
@@ -94,6 +96,7 @@ def summary(
         warnings=[],
         check=[],
         words=[],
+        notes=tuple(notes_by_files(case.recordings)),
         offsets=offsets(fitted, case, channels),
     )
     made = replace(
@@ -134,12 +137,13 @@ def cut_short(case: Case, made: Sequence[Evaluation]) -> list[str]:
 
 
 def _recorded(its: Recording) -> Recorded:
-    notes = tuple(
-        f"{repeat.file}: {note}" if repeat.file else note
-        for repeat in its.repeats
-        for note in repeat.notes
-    )
-    return Recorded(its.name, its.held_out, its.conditions, len(its.repeats), notes)
+    series = [s for repeat in its.repeats for s in repeat.series.values()]
+    samples = {
+        channel: sum(len(s.times) for s in series if s.channel == channel)
+        for channel in its.channels
+    } | {name: sum(name in repeat.scalars for repeat in its.repeats) for name in its.scalars}
+    duration = max((float(s.times[-1]) for s in series), default=0.0)
+    return Recorded(its.name, its.held_out, its.conditions, len(its.repeats), duration, samples)
 
 
 def _measured(its: Noise, unit: str) -> Measured:
@@ -155,7 +159,9 @@ def _prior_draws(case: Case) -> Array:
     return np.array([transform(u) for u in cube])
 
 
-def _found(posterior: Posterior, problem: Problem, prior: Array) -> tuple[Found, ...]:
+def _found(
+    posterior: Posterior, problem: Problem, prior: Array, *, fits: bool
+) -> tuple[Found, ...]:
     tail = (1.0 - LEVEL) / 2.0
     before = np.diff(np.quantile(prior, [tail, 1.0 - tail], axis=0), axis=0)[0]
     found = []
@@ -164,7 +170,7 @@ def _found(posterior: Posterior, problem: Problem, prior: Array) -> tuple[Found,
     for i, (variable, (low, high)) in enumerate(
         zip(problem.variables, posterior.interval(), strict=True)
     ):
-        share = float(after[i] / before[i])
+        share, edge = float(after[i] / before[i]), edge_of(z[:, i])
         found.append(
             Found(
                 variable.name,
@@ -175,10 +181,10 @@ def _found(posterior: Posterior, problem: Problem, prior: Array) -> tuple[Found,
                 float(posterior.mean[i]),
                 (float(low), float(high)),
                 share,
-                share < DETERMINED,
+                share < DETERMINED and (fits or edge is None),
                 posterior.parameters[i].asked,
                 posterior.parameters[i].log,
-                edge_of(z[:, i]),
+                edge,
             )
         )
     return tuple(found)

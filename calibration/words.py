@@ -22,6 +22,7 @@ MISFIT = 0.01  # probability of a larger misfit, below which a fit is doubtful
 CORRELATED = 0.5  # the least correlation for which a combination is worth a sentence
 NAMED = 0.2  # of the largest weight: smaller ones are left out of a combination's name
 MANY_FAILED = 0.2  # of the runs: more leave gaps in the ranges
+COARSE = 1.0  # error of an emulator over scatter and noise, from which more runs help
 SEPARATE = 0.25  # of an interval: wider gaps between draws do not come by chance
 HARDLY = 0.85  # of an interval: a recording that leaves more tells hardly anything
 # A correlation r leaves sqrt(1 - r^2) of an interval once the other parameter is known: here half.
@@ -64,7 +65,7 @@ def warnings(its: Summary) -> list[str]:
     if not its.fits:
         lines.append(
             f"The simulation does not fit: {_why_not(its)}. The values are those of a wrong model. "
-            "Check recordings and conditions, or add the physics that the simulation lacks"
+            f"{_remedy(its)}"
         )
     lines += [_at_the_edge(p, fits=its.fits) for p in its.parameters if p.edge is not None]
     lines += _separate_values(its)
@@ -75,6 +76,13 @@ def warnings(its: Summary) -> list[str]:
         )
     lines += [_too_sure(c, its.runs) for c in its.emulators if c.too_sure]
     return lines
+
+
+def _remedy(its: Summary) -> str:
+    ends = [p.name for p in its.parameters if p.asked and p.edge is not None]
+    if ends:
+        return f"First widen the range of {' and '.join(ends)}: the best values may lie outside"
+    return "Check recordings and conditions, or add the physics that the simulation lacks"
 
 
 def _why_not(its: Summary) -> str:
@@ -109,6 +117,8 @@ def _separate_values(its: Summary) -> list[str]:
     draws = np.sort(np.reshape(its.draws, (-1, len(its.parameters))), axis=0)
     for p, column in zip(its.parameters, draws.T, strict=True):
         low, high = p.interval
+        if p.edge is not None:  # cut off there: gaps in what is left mean nothing
+            continue
         within = column[(low <= column) & (column <= high)]
         if len(within) < 2:
             continue
@@ -134,15 +144,23 @@ def _too_sure(its: EmulatorCheck, runs: int) -> str:
 
 
 def check_in_words(its: Summary) -> list[str]:
-    """That the emulators know their errors, if they do."""
+    """That the emulators know their errors, if they do, and which are large all the same."""
     if not its.emulators or any(c.too_sure for c in its.emulators):
         return []
+    coarse = [
+        f"The emulator of {c.recording} is coarse: near the result the error is {c.error:.1f} "
+        "times scatter and noise of one run. The intervals allow for it; more runs, such as "
+        f"--runs {2 * its.runs}, would narrow them"
+        for c in its.emulators
+        if c.fresh and c.error > COARSE
+    ]
     left_out, fresh = (
         np.mean([c.held for c in its.emulators if c.fresh is which]) for which in (False, True)
     )
     return [
         f"The emulators know their errors: of their 90 % intervals {100 * left_out:.0f} % hold "
-        f"runs left out of the fit, {100 * fresh:.0f} % hold fresh runs"
+        f"runs left out of the fit, {100 * fresh:.0f} % hold fresh runs",
+        *coarse,
     ]
 
 
@@ -217,7 +235,7 @@ def error_in_words(its: Compared) -> str:
     off = with_unit(f"{rms:.2g}", its.unit)
     return (
         f"{its.recording}, {its.channel} ({kind}): error {off} rms, {its.error:.2f} "
-        "times what noise, scatter of runs and stated errors explain"
+        "times what noise, scatter between seeds and stated errors explain"
     )
 
 

@@ -4,6 +4,7 @@ import os
 from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from pathlib import Path
+from time import process_time
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
 RUNS = 200
 MOMENTS = 4  # at which the grains of the best fit are drawn
 RESULT = {"posterior": records.FILE, "lbfgsb": "least-squares.json"}
-WRITTEN = ("material.toml", "report.html", "report.pdf")  # beside the result
+WRITTEN = (records.FIT_COST, "material.toml", "report.html", "report.pdf")  # beside the result
 
 
 class Method(StrEnum):
@@ -118,6 +119,7 @@ def calibrate(
                 shown.advance(task)
 
             driver = Driver(parts.problem, Memory(into), runner, count, watch, {})
+            begun = process_time()
             try:
                 result, words, found = _found(
                     parts, driver, runs, method, leave_out or (), advise=advise
@@ -126,8 +128,10 @@ def calibrate(
                 runner.close()
         if into.end is None:
             into.add_end("all planned runs are made")
+        fit_cpu_s = process_time() - begun
         write_aside(path / RESULT[method], result.encode())
         if found is not None:
+            write_aside(path / records.FIT_COST, records.fit_cost_as_json(fit_cpu_s).encode())
             _write_material(parts, found, path, on)
             _draw_best_fits(parts, found, path)
             write_calibration_pages(into, on)
@@ -136,6 +140,8 @@ def calibrate(
     else:
         for line in words:
             on.print(line)
+        if found is not None:
+            on.print(f"emulators and posterior: {fit_cpu_s:.0f} s of CPU")
 
 
 def _found(

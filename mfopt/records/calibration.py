@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Literal
 
@@ -11,6 +11,7 @@ from pydantic import TypeAdapter, ValidationError
 from mfopt.errors import ConfigError
 
 FILE = "calibration.json"  # in the run directory
+FIT_COST = "fit-cost.json"  # beside it, because it differs whenever the same fit is made again
 
 UNLIKELY, LIKELY = 0.001, 0.99  # probabilities beyond are only said to be so
 
@@ -27,11 +28,11 @@ class Found:
     unit: str
     low: float  # of the range
     high: float
-    best: float
+    best: float  # the most likely draw; says nothing of a parameter that is not determined
     mean: float
     interval: tuple[float, float]  # 90 %
     share: float  # width of the interval over that of the prior
-    determined: bool
+    determined: bool  # narrow, and not at the end of a range in a model that does not fit
     asked: bool  # False: left free because nobody knows it exactly
     log: bool  # True: its logarithm is spread evenly
     edge: Edge | None  # end of the range at which the draws pile up
@@ -53,7 +54,8 @@ class Recorded:
     held_out: bool  # True: only predicted, never fitted
     conditions: Mapping[str, float | str]
     repeats: int
-    notes: tuple[str, ...]  # what was mended on reading, each after the name of its file
+    duration: float = 0.0  # [s] of the longest series; 0 if there is none
+    samples: Mapping[str, int] = field(default_factory=dict)  # of all repeats, by channel
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,6 +169,7 @@ class Summary:
     warnings: list[str]  # why the values may be wrong; in words
     check: list[str]  # that the emulators know their errors; empty if one does not
     words: list[str]  # the result, one sentence a line
+    notes: tuple[str, ...] = ()  # what was mended on reading, each after the files it holds for
     offsets: tuple[Offset, ...] = ()  # of fitted recordings; empty if the case states no such error
 
 
@@ -180,6 +183,19 @@ def chance(probability: float) -> str:
 def as_json(its: Summary) -> str:
     """The summary as JSON."""
     return json.dumps(asdict(its), indent=1)
+
+
+def fit_cost_as_json(cpu_s: float) -> str:
+    """What emulators and posterior cost, beside the runs."""
+    return json.dumps({"cpu_s": round(cpu_s, 1)})
+
+
+def read_fit_cost(directory: Path) -> float | None:
+    """CPU time [s] of emulators and posterior; None if the run directory does not tell it."""
+    try:
+        return float(json.loads((directory / FIT_COST).read_bytes())["cpu_s"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
 
 
 def read_summary(directory: Path) -> Summary:

@@ -176,7 +176,8 @@ def posterior(parameters: Sequence[Found], draws: Array, correlation: Array) -> 
                 elif row > column:
                     axis.plot(draws[:, column], draws[:, row], "o", color=BLUE, ms=1.8,
                               mew=0.0, alpha=0.45)  # fmt: skip
-                    axis.plot(parameters[column].best, parameters[row].best, "+",
+                    if parameters[column].determined and parameters[row].determined:
+                        axis.plot(parameters[column].best, parameters[row].best, "+",
                               color=ORANGE, ms=9, mew=1.8)  # fmt: skip
                 else:
                     _coefficient(axis, float(correlation[row, column]))
@@ -189,7 +190,8 @@ def _histogram(axis: "Axes", its: Found, values: Array) -> None:
     low, high = _limits(its, values)
     edges = np.geomspace(low, high, BINS + 1) if its.log else np.linspace(low, high, BINS + 1)
     axis.hist(values, edges.tolist(), color=BLUE, alpha=0.35, histtype="stepfilled")
-    axis.axvline(its.best, color=ORANGE, lw=1.5)
+    if its.determined:
+        axis.axvline(its.best, color=ORANGE, lw=1.5)
     for end in its.interval:
         axis.axvline(end, color=GREY, lw=1.0, ls=":")
 

@@ -1,5 +1,6 @@
 """The figures of a calibration's report with their words, made once for HTML and PDF."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +37,7 @@ def posterior(its: Summary) -> Figure:
         "A narrow slope means that the recordings determine a combination better than each "
         "parameter alone."
     )
+    best = "Orange marks the best values of the parameters that are determined. "
     cut = f" Only the first {len(shown)} of {len(its.parameters)} parameters are shown."
     return Figure(
         charts.posterior(
@@ -46,14 +48,21 @@ def posterior(its: Summary) -> Figure:
         f"Histogram of {shown[0].name}."
         if one
         else f"Histograms of {listed([p.name for p in shown])}, and scatter plots of their pairs.",
-        f"What the recordings leave possible: {len(its.draws)} equally likely draws. The orange "
-        f"{'line is' if one else 'lines and crosses are'} the best parameter"
-        f"{'' if one else 's'}, dotted lines hold 90\u202f% of the draws."
+        f"What the recordings leave possible: {_counted(its.draws)}. "
+        + best * any(p.determined for p in shown)
+        + "Dotted lines hold 90\u202f% of the draws."
         + pairs * (not one)
         + cut * (len(shown) < len(its.parameters)),
         "What the recordings leave possible",
         "natural",
     )
+
+
+def _counted(draws: Sequence[Sequence[float]]) -> str:
+    """How many draws there are, and how many of them differ."""
+    distinct = len({tuple(draw) for draw in draws})
+    said = f"{len(draws)} equally likely draws"
+    return said if distinct == len(draws) else f"{said}, {distinct} of them different"
 
 
 def recordings(its: Summary, *, held_out: bool) -> list[Figure]:

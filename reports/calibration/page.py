@@ -3,7 +3,7 @@
 from typing import Any
 
 from mfopt.campaign.store import RunDirectory
-from mfopt.records.calibration import Summary
+from mfopt.records.calibration import Summary, read_fit_cost
 from reports import campaign
 from reports.calibration import sentences, tables
 from reports.calibration.figures import figures
@@ -37,9 +37,10 @@ def context(given: RunDirectory, found: Summary) -> dict[str, Any]:
         "offsets": tables.offsets(its.offsets),
         "errors": tables.errors(its.compared),
         "recordings": tables.recordings(its.recordings),
-        "notes": [note for recording in its.recordings for note in recording.notes],
+        "notes": list(its.notes),
         "noise": tables.noise(its.noise),
         "cost": tables.cost(rows),
+        "fit_cost": _fit_cost(run),
         "failures": campaign.failures(rows),
         "figures": figures(its, run.path),
         "facts": _facts(run),
@@ -65,6 +66,12 @@ def cards(its: Summary) -> list[tuple[str, str, str]]:
     failed = f"{its.failed} failed" if its.failed else "none failed"
     made.append(("cost", f"{its.runs} runs", f"{campaign.hours(its.cpu_s)}, {failed}"))
     return made
+
+
+def _fit_cost(run: RunDirectory) -> str:
+    """What the fit itself cost, in a sentence; empty where nobody measured it."""
+    cpu_s = read_fit_cost(run.path)
+    return "" if cpu_s is None else f"Emulators and posterior took {campaign.hours(cpu_s)}."
 
 
 def _facts(run: RunDirectory) -> list[tuple[str, str]]:

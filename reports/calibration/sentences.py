@@ -6,6 +6,8 @@ from mfopt.records.calibration import Compared, Found, Summary, chance
 from reports.calibration.units import powers, resolved, with_unit
 from reports.units import MINUS, number
 
+HALF = 0.5  # of the interval before: narrower ones are not determined for another reason
+
 
 def sentence(its: Summary) -> str:
     """Values, what the recordings do not determine, and whether the simulation fits."""
@@ -76,7 +78,13 @@ def undetermined(its: Summary) -> list[str]:
         f"{p.name} is not determined: {interval(p)} has 90\u202f% probability, which is "
         f"{number(100.0 * p.share, 2)}\u202f% of what was possible before."
         for p in its.parameters
-        if p.asked and not p.determined
+        if p.asked and not p.determined and p.share >= HALF
+    ]
+    lines += [
+        f"{p.name} is not determined: it lies at the {p.edge} end of its range, in a model that "
+        "does not fit."
+        for p in its.parameters
+        if p.asked and not p.determined and p.share < HALF
     ]
     lines += [typeset(line) for line in (*its.combinations, *its.trade_offs)]
     lines += [

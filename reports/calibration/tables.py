@@ -18,7 +18,7 @@ from mfopt.records.calibration import (
 from reports.calibration.units import brief, resolved, with_unit, words
 from reports.campaign import PHASES, hours
 from reports.rows import Row
-from reports.units import number
+from reports.units import MISSING, number
 
 MEANING = {
     "design": "spread over the ranges",
@@ -44,7 +44,7 @@ class ParameterLine:
     said: str
     low_place: float  # of the interval: 0 at the lower, 1 at the upper end of the range
     high_place: float
-    best_place: float
+    best_place: float | None  # None: not determined, so the best value says nothing
 
 
 def parameters(its: Summary) -> list[ParameterLine]:
@@ -55,6 +55,7 @@ def parameters(its: Summary) -> list[ParameterLine]:
 def _parameter(its: Found, *, fits: bool) -> ParameterLine:
     low, high = its.interval
     best, mean, lowest, highest = (resolved(v, its) for v in (its.best, its.mean, low, high))
+    best = best if its.determined else MISSING
     said = "determined" if its.determined else "not determined"
     said = said if its.asked else "fitted along"
     more = [] if its.edge is None else [f"at the {its.edge} end"]
@@ -63,7 +64,7 @@ def _parameter(its: Found, *, fits: bool) -> ParameterLine:
         its.name, "" if its.unit == "-" else its.unit, brief(its.low), brief(its.high),
         best, mean, f"{lowest} to {highest}", f"{number(100.0 * its.share, 2)}\u202f%",
         ", ".join([said, *more]),
-        _place(its, low), _place(its, high), _place(its, its.best),
+        _place(its, low), _place(its, high), _place(its, its.best) if its.determined else None,
     )  # fmt: skip
 
 
@@ -74,12 +75,14 @@ def _place(its: Found, value: float) -> float:
 
 
 def recordings(its: Sequence[Recorded]) -> list[list[str]]:
-    """Recording, use, conditions, repeats."""
+    """Recording, use, conditions, repeats, duration, samples of all repeats by channel."""
     return [
         [
             r.name, USES[r.held_out],
             ", ".join(f"{name} = {_condition(value)}" for name, value in r.conditions.items()),
             str(r.repeats),
+            with_unit(brief(r.duration, 3), "s") if r.duration > 0.0 else MISSING,
+            ", ".join(f"{words(name)}: {count}" for name, count in r.samples.items()),
         ]
         for r in its
     ]  # fmt: skip

@@ -38,9 +38,9 @@ def found(name: str, **changed: Any) -> Found:
     return replace(its, **changed)
 
 
-def check(*, fresh: bool, squared: float = 0.9) -> EmulatorCheck:
+def check(*, fresh: bool, squared: float = 0.9, error: float = 0.8) -> EmulatorCheck:
     held = 0.92 if squared < 1.5 else 0.6
-    return EmulatorCheck("slot", fresh, 6, held, squared, 1.5, 1.1)
+    return EmulatorCheck("slot", fresh, 6, held, squared, 1.5, error)
 
 
 def compared(error: float, *, held_out: bool = False) -> Compared:
@@ -132,7 +132,12 @@ def test_an_end_of_the_range_comes_with_a_remedy() -> None:
     (none,) = warnings(summary(parameters=(found("dry", edge="lower"),)))
     assert "no sign of it" in none
     wrong = summary(parameters=(found("dry", edge="lower"),), fits=False, probability=1e-9)
-    assert "the simulation lacks something" in warnings(wrong)[1]
+    first, second = warnings(wrong)
+    assert "First widen the range of dry" in first
+    assert "add the physics" not in first
+    assert "the simulation lacks something" in second
+    inside = summary(fits=False, probability=1e-9)
+    assert "or add the physics that the simulation lacks" in warnings(inside)[0]
     along = found("young_modulus", unit="Pa", high=1.2e7, asked=False, edge="upper")
     (line,) = warnings(summary(parameters=(along,)))
     assert "1.2e+07 Pa: what the case states of it may be wrong" in line
@@ -146,6 +151,15 @@ def test_an_emulator_that_is_too_sure_is_named_with_the_remedy(fresh: bool) -> N
     assert "60 % of its 90 % intervals" in line
     assert "--runs 160" in line
     assert check_in_words(its) == []
+
+
+def test_an_emulator_that_is_coarse_near_the_result_is_named_and_far_from_it_is_not() -> None:
+    far = summary(emulators=(check(fresh=False, error=5.8), check(fresh=True)))
+    assert len(check_in_words(far)) == 1
+    near = summary(emulators=(check(fresh=False), check(fresh=True, error=1.8)))
+    _, line = check_in_words(near)
+    assert line.startswith("The emulator of slot is coarse: near the result the error is 1.8 times")
+    assert "--runs 160" in line
 
 
 def test_the_recording_that_tells_most_is_said() -> None:
@@ -206,6 +220,13 @@ def test_many_failed_runs_are_a_warning() -> None:
     (line,) = warnings(summary(failed=17))
     assert line.startswith("17 of 80 simulations failed")
     assert warnings(summary(failed=16)) == []
+
+
+def test_draws_at_a_bound_are_not_said_to_be_two_values() -> None:
+    draws = np.repeat([[0.79, 0.3], [0.8, 0.31]], 50, axis=0).tolist()
+    edge = found("rate", interval=(0.79, 0.8), edge="upper")
+    (line,) = warnings(summary(parameters=(edge, found("drag", interval=(0.1, 0.6))), draws=draws))
+    assert line.startswith("rate lies at the upper end")
 
 
 def test_advice_is_said_of_determined_parameters_and_of_runs_that_failed() -> None:

@@ -10,6 +10,7 @@ from mfopt.arrays import Array, frozen
 from mfopt.campaign.store import RunDirectory, create, open_run
 from mfopt.records.calibration import (
     FILE,
+    FIT_COST,
     Advice,
     Compared,
     Direction,
@@ -21,6 +22,7 @@ from mfopt.records.calibration import (
     Recorded,
     Summary,
     as_json,
+    fit_cost_as_json,
 )
 from mfopt.records.evaluation import Candidate, Evaluation, Purpose
 from mfopt.records.outcome import Outcome
@@ -75,8 +77,9 @@ def summary(**changed: Any) -> Summary:
         draws=draws(rng, parameters),
         log_evidence=-18.4, misfit=23.0, freedom=25, probability=0.58, fits=True,
         recordings=(
-            Recorded("slot 30 mm", False, {"opening_mm": 30.0}, 3, ("a.csv: It had a gap.",)),
-            Recorded("slot 40 mm", True, {"opening_mm": 40.0, "scene": "discharge"}, 1, ()),
+            Recorded("slot 30 mm", False, {"opening_mm": 30.0}, 3, 1.2,
+                     {"discharged_fraction": 180, "level": 177}),
+            Recorded("slot 40 mm", True, {"opening_mm": 40.0, "scene": "discharge"}, 1),
         ),
         compared=(
             series("slot 30 mm", "discharged_fraction", "-", 0.9, held_out=False),
@@ -89,6 +92,7 @@ def summary(**changed: Any) -> Summary:
         emulators=(EmulatorCheck("slot 30 mm", False, 40, 0.93, 0.8, 1.2, 1.1),
                    EmulatorCheck("slot 30 mm", True, 6, 0.88, 1.1, 1.6, 1.3)),
         without=(),
+        notes=("all 4 repeats: Columns are separated by tabs.", "a.csv: It had a gap."),
         offsets=(Offset("slot 30 mm", "zero of level", "m", 1e-3, -1.4e-3, 3e-4),),
         advice=(),
         further=["To determine restitution, record next: a heap"], warnings=[],
@@ -126,6 +130,7 @@ def calibration(path: Path, its: Summary | None = None) -> RunDirectory:
         run.add_evaluation(evaluation(index, purpose, failed=index == len(PURPOSES) - 1))
     run.add_end("all planned runs are made")
     (path / FILE).write_text(as_json(found))
+    (path / FIT_COST).write_text(fit_cost_as_json(41.0))
     return open_run(path)
 
 

@@ -15,7 +15,7 @@ from test_write import squeezed, words
 from calibration.words import warnings
 from mfopt.errors import ConfigError
 from mfopt.records.calibration import FILE, Measured, Recorded, Summary
-from reports.calibration import charts, write_calibration_report
+from reports.calibration import charts, tables, write_calibration_report
 from reports.calibration.figures import best_fit_file
 from reports.calibration.sentences import misfit, sentence, typeset
 from reports.calibration.units import resolved
@@ -42,7 +42,9 @@ SAID = (
     "7.0\u00b710\u2075 to 5.0\u00b710\u2076", "Pa",
     "restitution \u2212 young_modulus", "young_modulus was fitted along", "probability 0.58",
     "slot 30 mm", "slot 40 mm", "opening_mm = 40, scene = discharge", "discharged fraction",
-    "angle of repose", "held out", "a.csv: It had a gap.", "from 3 repeats", "0.030 s", "0.00050 m",
+    "angle of repose", "held out", "a.csv: It had a gap.", "discharged fraction: 180, level: 177",
+    "1.20 s", "Emulators and posterior took 41 CPU s.", "200 equally likely draws.",
+    "from 3 repeats", "0.030 s", "0.00050 m",
     "the bottom fell out", "zero of level", "\u22120.0014 m", "spread over the ranges",
     "draws of the posterior", "Residuals",
     "What to record next", "To determine restitution, record next: a heap.", "31 %", "92 %",
@@ -92,6 +94,29 @@ def test_a_wrong_model_is_said_on_top_and_beside_the_values(tmp_path: Path) -> N
     assert squeezed(why) in squeezed("".join(page.extract_text() for page in pdf.pages))
 
 
+def test_best_values_are_shown_of_determined_parameters_only(tmp_path: Path) -> None:
+    known, lost = parameter("drag"), parameter("lift", determined=False, share=0.9)
+    its = summary(parameters=(known, lost), correlation=np.eye(2).tolist(), draws=[[0.3, 0.4]] * 9)
+    first, second = tables.parameters(its)
+    assert (first.best, second.best) == ("0.360", "\u2013")
+    assert second.best_place is None
+    marked = [charts.posterior(of, np.array([[0.3], [0.4]]), np.eye(1)) for of in ([known], [lost])]
+    assert [charts.ORANGE.lower() in svg.lower() for svg in marked] == [True, False]
+    text, _ = written(tmp_path, its)
+    assert "9 equally likely draws, 1 of them different" in text
+
+
+def test_a_parameter_at_the_end_of_its_range_in_a_wrong_model_is_not_determined(
+    tmp_path: Path,
+) -> None:
+    at_end = parameter("rate", determined=False, share=0.01, edge="upper")
+    its = summary(parameters=(at_end,), correlation=[[1.0]], draws=[[0.35], [0.36], [0.37]],
+                  fits=False, probability=1e-9)  # fmt: skip
+    text, _ = written(tmp_path, its)
+    assert "not determined: it lies at the upper end of its range" in text
+    assert "not determined, at the upper end, of a wrong model" in text
+
+
 def test_trade_offs_and_ends_of_ranges_are_shown(tmp_path: Path) -> None:
     its = summary(
         parameters=(parameter("drag", edge="upper"), *summary().parameters[1:]),
@@ -112,7 +137,7 @@ def test_without_advice_and_check_there_are_no_such_parts(tmp_path: Path) -> Non
 @pytest.mark.parametrize("held_out", [False, True])
 def test_numbers_alone_have_no_curves(tmp_path: Path, held_out: bool) -> None:
     only = (number("heap", "angle_of_repose", "rad", 0.4, held_out=held_out),)
-    recordings = (Recorded("heap", held_out, {}, 2, ()),)
+    recordings = (Recorded("heap", held_out, {}, 2),)
     text, _ = written(tmp_path, summary(compared=only, recordings=recordings, noise=()))
     assert "The bar holds 90" in text
     assert "Residuals" not in text
@@ -128,7 +153,7 @@ def test_many_parameters_channels_and_recordings_find_room(tmp_path: Path) -> No
         parameters=parameters,
         draws=draws(np.random.default_rng(1), parameters),
         correlation=np.eye(9).tolist(),
-        recordings=tuple(Recorded(name, False, {}, 1, ()) for name in names),
+        recordings=tuple(Recorded(name, False, {}, 1) for name in names),
         compared=tuple(
             series(name, channel, "kg", 1e-4, held_out=False)
             for name in names for channel in channels[name]
@@ -144,8 +169,9 @@ def test_names_of_users_are_text(tmp_path: Path) -> None:
     its = summary(name=odd, parameters=(parameter(odd),), correlation=[[1.0]],
                   draws=[[0.35], [0.36], [0.37]])  # fmt: skip
     named = replace(its.compared[0], channel=odd, recording=odd)
-    recordings = (Recorded(odd, False, {odd: odd}, 1, (odd,)),)
-    text, _ = written(tmp_path, replace(its, compared=(named,), recordings=recordings))
+    recordings = (Recorded(odd, False, {odd: odd}, 1, 1.2, {odd: 40}),)
+    its = replace(its, compared=(named,), recordings=recordings, notes=(odd,))
+    text, _ = written(tmp_path, its)
     assert "$\\foo$ #panic() <b>{{x}}\\x07\u7c73 = 0.370" in text
 
 
@@ -191,7 +217,7 @@ def test_values_axes_and_warnings_of_a_page_have_the_units_of_the_case(tmp_path:
     its = summary(
         parameters=(swing,), correlation=[[1.0]], draws=[[0.35], [0.36], [0.37]],
         compared=(series("drum", "angle", "rad", 0.7, held_out=False),),
-        recordings=(Recorded("drum", False, {}, 1, ()),),
+        recordings=(Recorded("drum", False, {}, 1),),
         noise=(Measured("angle", "rad", 5e-3, (4e-3, 6e-3), 0.03, "from 3 repeats"),),
     )  # fmt: skip
     its = replace(its, warnings=warnings(its))
