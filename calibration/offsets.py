@@ -79,4 +79,4 @@ def _directions(fitted: Fitted, z: Array) -> Array:
                 ]
             )
         )
-    return block_diag(*own)
+    return np.asarray(block_diag(*own))

@@ -38,7 +38,7 @@ def powers(text: str) -> str:
     return EXPONENT.sub(lambda its: f"\u00b710{(its[1] + its[2]).translate(SUPERSCRIPT)}", text)
 
 
-def tick(value: float, _: int | None = None) -> str:
+def tick(value: float, _: float = 0.0) -> str:
     """A round number of an axis."""
     return powers(f"{value:g}").replace("-", MINUS)
 
