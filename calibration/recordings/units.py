@@ -23,7 +23,9 @@ UNITS: Mapping[str, tuple[float, str]] = {
     **{"m/s2": (1.0, "m/s2"), "kg/m3": (1.0, "kg/m3"), "g/l": (1.0, "kg/m3")},
     **{name: (1e3, "kg/m3") for name in ("g/cm3", "g/ml", "kg/l", "t/m3")},
     **{"m3": (1.0, "m3"), "l": (1e-3, "m3"), "ml": (1e-6, "m3"), "cm3": (1e-6, "m3")},
+    **{"m2": (1.0, "m2"), "cm2": (1e-4, "m2"), "mm2": (1e-6, "m2")},
     **{"n": (1.0, "N"), "kn": (1e3, "N")},
+    **{"pa": (1.0, "Pa"), "kpa": (1e3, "Pa"), "mpa": (1e6, "Pa")},
     **{"hz": (1.0, "Hz"), "1/s": (1.0, "Hz"), "khz": (1e3, "Hz")},
 }
 LIKELY = 5.0  # a likely unit brings a value so near to what is typical
@@ -46,6 +48,11 @@ def unit_of(text: str) -> Unit | None:
     written = text.strip()
     known = UNITS.get(written.translate(_SPELLING).lower())
     return None if known is None else Unit(written, *known)
+
+
+def si_units() -> list[str]:
+    """All SI units that a channel may have."""
+    return list(dict.fromkeys(si for _, si in UNITS.values()))
 
 
 def units_like(si: str) -> list[str]:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from pydantic import Field, field_validator
 
@@ -12,6 +12,7 @@ from calibration.recordings.case_file import complete_case
 from calibration.recordings.case_settings import CaseSettings, read_case_settings
 from calibration.recordings.noise import measurement_noise
 from calibration.recordings.records import Noise
+from calibration.recordings.units import si_units, unit_of
 from calibration.rig import Conditions, Rig
 from fidelity.engine import Engine
 from fidelity.programs.rig import ProgramRig
@@ -142,8 +143,21 @@ def _possible_levels(rig: Rig, parameters: tuple[str, ...]) -> tuple[Level, ...]
 class ChannelSettings(Settings):
     """A channel that the user's own simulator gives."""
 
-    unit: Literal["m", "s", "kg", "kg/s", "rad", "-"]
+    unit: str  # SI
     size: float = Field(gt=0.0)  # typical largest value
+
+    @field_validator("unit")
+    @classmethod
+    def _is_si(cls, unit: str) -> str:
+        its = unit_of(unit)
+        if its is None:
+            raise ValueError(f"{unit!r} is no unit of a channel; give {', '.join(si_units())}")
+        if its.factor != 1.0:
+            raise ValueError(
+                f"{unit!r} must be the SI unit {its.si!r}; let the simulator give the channel in "
+                f"{its.si}, and size too. Recordings may have {unit!r}: they are converted"
+            )
+        return its.si
 
 
 class ProgramRigSettings(Settings):

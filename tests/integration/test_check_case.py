@@ -61,3 +61,45 @@ def test_runs_that_are_too_few_are_said(tmp_path: Path) -> None:
     its = checked(tmp_path, "# Two balls", f"{more}# Two balls")
     assert its.exit_code == 0, its.output
     assert "mfopt calibrate needs --runs: 200 runs are too few for 13" in its.output
+
+
+@pytest.mark.parametrize(
+    ("unit", "column", "shown"),
+    [
+        ("m/s", "cm/s", "4.361 to 10.02 m/s"),
+        ("N", "kN", "4.361e+05 to 1.002e+06 N"),
+        ("1/s", "Hz", "436.1 to 1002 Hz"),
+        ("m²", "cm2", "0.04361 to 0.1002 m2"),
+        ("Pa", "kPa", "4.361e+05 to 1.002e+06 Pa"),
+    ],
+)
+def test_a_channel_may_have_any_si_unit(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, unit: str, column: str, shown: str
+) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setenv("TERM", "xterm")
+    size = float(shown.split()[2])
+    for file in BALLS.iterdir():
+        if file.is_file():
+            text = file.read_text().replace('unit = "m"\n', f'unit = "{unit}"\n')
+            text = text.replace("size = 10.0", f"size = {size}").replace("[cm]", f"[{column}]")
+            (tmp_path / file.name).write_text(text)
+    its = CliRunner().invoke(app, ["check", str(tmp_path / "case.toml")])
+    assert its.exit_code == 0, its.output
+    assert shown in its.output
+
+
+@pytest.mark.parametrize(
+    ("unit", "said"),
+    [
+        ("cm", "'cm' must be the SI unit 'm'; let the simulator give the channel in m"),
+        ("deg", "'deg' must be the SI unit 'rad'"),
+        ("furlong", "'furlong' is no unit of a channel; give s, m, kg, -, rad"),
+    ],
+)
+def test_a_channel_in_another_unit_is_told_the_si_unit(
+    tmp_path: Path, unit: str, said: str
+) -> None:
+    its = checked(tmp_path, 'unit = "m"\n', f'unit = "{unit}"\n')
+    assert its.exit_code == 2
+    assert said in " ".join(its.output.split())
