@@ -62,8 +62,22 @@ def summary(
     advice: tuple[Advice, ...] = (),
     without: tuple[LeftOut, ...] = (),
     doubts: Sequence[str] = (),
+    *,
+    possible: bool = True,
 ) -> Summary:
-    """Sum up a calibration; `doubts` say why simulations may be wrong."""
+    """Sum up a calibration.
+
+    Args:
+        campaign: its runs and its fit.
+        case: with the recordings.
+        problem: with the parameters.
+        noises: measurement noise by channel.
+        channels: of the rig.
+        advice: which further recording would tell most.
+        without: fits without single errors.
+        doubts: why simulations may be wrong.
+        possible: whether there are further experiments that `--advise` can choose from.
+    """
     fitted = campaign.fitted
     posterior, outcomes = fitted.posterior, [e.outcome for e in campaign.evaluations]
     prior = _prior_draws(case)
@@ -103,7 +117,7 @@ def summary(
         made,
         combinations=combinations(made),
         trade_offs=trade_offs(made),
-        further=further(made),
+        further=further(made, possible=possible),
         warnings=[*warnings(made), *doubts, *_of_times(case, campaign.evaluations)],
         check=check_in_words(made),
     )

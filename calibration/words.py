@@ -199,8 +199,13 @@ def _digits(interval: tuple[float, float]) -> int:
     return max(3, 2 + math.floor(math.log10(size)) - math.floor(math.log10(high - low)))
 
 
-def further(its: Summary) -> list[str]:
-    """Which further recording would narrow the parameters, first those not determined."""
+def further(its: Summary, *, possible: bool = True) -> list[str]:
+    """Which further recording would narrow the parameters, first those not determined.
+
+    Args:
+        its: the result.
+        possible: whether there are experiments that `--advise` can choose from.
+    """
     asked = [p for p in its.parameters if p.asked]
     names = [p.name for p in asked if not p.determined]
     if not names and not its.advice:
@@ -208,7 +213,12 @@ def further(its: Summary) -> list[str]:
     if not its.fits:
         return ["What to record next is not said: first make the simulation fit"]
     if not its.advice:
-        return ["Which further recording would determine them: mfopt calibrate with --advise"]
+        table = (
+            "" if possible else "name experiments in tables [[possible]] of the case file, then "
+        )
+        return [
+            f"Which further recording would determine them: {table}mfopt calibrate with --advise"
+        ]
     known = [a for a in its.advice if min(a.narrower.values()) < 1.0]
     lines = [
         f"Of the further recording {a.name} nothing is known: {a.failed} of its simulations failed"

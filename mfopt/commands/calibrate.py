@@ -187,6 +187,7 @@ def _found(
         advice,
         others,
         parts.doubts,
+        possible=bool(parts.possible),
     )
     return records.as_json(result), result.words, result
 

@@ -171,7 +171,10 @@ def test_the_recording_that_tells_most_is_said() -> None:
     assert further(its) == [
         "To determine quadratic, record next: b; its interval would shrink to 40 %"
     ]
-    assert "--advise" in further(replace(its, advice=()))[0]
+    (line,) = further(replace(its, advice=()))
+    assert line == "Which further recording would determine them: mfopt calibrate with --advise"
+    (line,) = further(replace(its, advice=()), possible=False)
+    assert "name experiments in tables [[possible]] of the case file, then mfopt calibrate" in line
 
 
 def test_a_fit_without_an_error_says_how_much_narrower_intervals_are() -> None:
