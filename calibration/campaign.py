@@ -128,17 +128,22 @@ def runs_of_each(case: Case, runs: int) -> int:
     if each < FEWEST:
         least = next(n for n in count(runs + 1) if _learned_from(case, n) >= FEWEST)
         raise ConfigError(
-            f"{runs} runs are too few for {len(case.fitted)} fitted recordings and "
+            f"{runs} runs are too few for {_fitted(case)} and "
             f"{len(case.held_out)} held out; give at least {least}"
         )
     if each > MOST:
         most = MOST * len(case.fitted) + predictions_of_each(case, runs) * len(case.recordings)
         raise ConfigError(
-            f"{runs} runs are too many for {len(case.fitted)} fitted recordings: an emulator "
+            f"{runs} runs are too many for {_fitted(case)}: an emulator "
             f"learns from at most {MOST} runs, because the time grows with their cube; give at "
             f"most {most}"
         )
     return each
+
+
+def _fitted(case: Case) -> str:
+    """How many recordings are fitted, in words."""
+    return f"{len(case.fitted)} fitted recording{'s' * (len(case.fitted) > 1)}"
 
 
 def _learned_from(case: Case, runs: int) -> int:

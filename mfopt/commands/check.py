@@ -13,6 +13,7 @@ from mfopt.commands.check_case import check_case
 from mfopt.commands.ladder import ladder_table, spending
 from mfopt.commands.shared import duration, screen
 from mfopt.commands.workers import new_runner, prepare_engines, started, workers_of
+from mfopt.errors import ConfigError
 from mfopt.records.level import Level
 from mfopt.study.assemble import Assembled, assemble
 from mfopt.study.file import CaseGiven, Study
@@ -27,6 +28,11 @@ def check(
     ] = False,
 ) -> None:
     """Read a study or a case, and say what `mfopt run` or `mfopt calibrate` would do and cost."""
+    if not study_file.exists():
+        raise ConfigError(
+            f"{study_file} does not exist; give a study file (`mfopt init` writes one) or the case "
+            "file of a calibration (docs/calibration/recordings.md)"
+        )
     try:
         study, _, taken = read_with_material(study_file)
     except CaseGiven:

@@ -94,7 +94,7 @@ def _read(recording: "Recording", channel: Channel) -> tuple[str, str, str]:
     count = " to ".join(f"{n}" for n in dict.fromkeys((samples[0], samples[-1])))
     times = _span(np.concatenate([series.times for series in its]), "s")
     values = _span(np.concatenate([series.values for series in its]), channel.unit)
-    return str(len(its)), f"{count} from {times}", values
+    return str(len(its)), f"{count} samples from {times}", values
 
 
 def _span(values: Iterable[float], unit: str) -> str:

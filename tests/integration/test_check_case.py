@@ -26,7 +26,7 @@ def test_a_case_is_shown_as_it_was_understood(
     monkeypatch.setenv("COLUMNS", "200")
     monkeypatch.setenv("TERM", "xterm")  # a "dumb" terminal has 80 columns whatever COLUMNS says
     its = checked(tmp_path, ",height [cm]", ",HEIGHT / cm", "--dry-run").output
-    assert "61 from 0 to 1.2 s" in its  # samples and times
+    assert "61 samples from 0 to 1.2 s" in its  # samples and times
     assert "4.361 to 10.02 m" in its  # given in cm
     assert "from 2 repeats" in its  # the noise
     assert "diameter = 0.067" in its

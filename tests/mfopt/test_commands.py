@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 import pytest
 import typer
@@ -104,3 +105,17 @@ def test_another_system_is_told_in_one_line() -> None:
     assert re.fullmatch(r"error: mfopt runs on Linux only; .*\n", done.stderr)
     done = run(["-c", pretend + "import mfopt; mfopt.minimize"])
     assert done.stderr.splitlines()[-1].startswith("ImportError: mfopt runs on Linux only")
+
+
+@pytest.mark.parametrize("command", [[], ["run"], ["check"], ["calibrate"], ["report"], ["init"]])
+def test_h_is_help(command: list[str]) -> None:
+    done = CliRunner().invoke(app, [*command, "-h"])
+    assert done.exit_code == 0
+    assert "Usage" in done.output
+
+
+def test_check_of_a_missing_file_names_both_kinds_of_files(tmp_path: Path) -> None:
+    done = CliRunner().invoke(app, ["check", str(tmp_path / "none.toml")])
+    assert done.exit_code == 2
+    assert "none.toml does not exist; give a study file" in done.output
+    assert "case file of a calibration" in done.output
