@@ -1,6 +1,7 @@
 """Entry point of the `mfopt` program."""
 
 import os
+import signal
 import sys
 from io import TextIOWrapper
 
@@ -20,6 +21,7 @@ def main() -> None:
             stream.reconfigure(errors="backslashreplace")  # where a terminal lacks a character
     for library in ("OMP", "OPENBLAS", "MKL"):
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does
     from mfopt.commands.app import app
 
     app()

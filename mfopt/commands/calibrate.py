@@ -1,7 +1,7 @@
 """`mfopt calibrate`: fit the parameters of a simulation to recordings."""
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from enum import StrEnum
 from pathlib import Path
 from time import process_time
@@ -116,13 +116,24 @@ def calibrate(
             task = shown.add_task("simulations", total=total)
 
             def watch(made: Made) -> None:
-                shown.advance(task)
+                shown.update(task, advance=1, description="simulations")
+
+            def between() -> None:
+                """Say that no simulation runs for a while, because the fit learns from them."""
+                made = round(shown.tasks[task].completed)
+                if method is not Method.POSTERIOR or not len(parts.case.fitted) < made < total:
+                    return
+                shown.update(task, description="fitting")
+                if not on.is_terminal:
+                    on.print(
+                        f"{made} of {total} simulations are made; now the fit learns from them"
+                    )
 
             driver = Driver(parts.problem, Memory(into), runner, count, watch, {})
             begun = process_time()
             try:
                 result, words, found = _found(
-                    parts, driver, runs, method, leave_out or (), advise=advise
+                    parts, driver, runs, method, leave_out or (), between, advise=advise
                 )
             finally:
                 runner.close()
@@ -150,10 +161,14 @@ def _found(
     runs: int,
     method: Method,
     leave_out: Sequence[str],
+    between: Callable[[], None],
     *,
     advise: bool,
 ) -> tuple[str, list[str], records.Summary | None]:
-    """The result of a fit as JSON and in words, and the summary of a fit with intervals."""
+    """The result of a fit as JSON and in words, and the summary of a fit with intervals.
+
+    `between` is called after simulations, before the fit goes on.
+    """
     from calibration.advice import advise as told_most
     from calibration.campaign import calibrate as fitted_to
     from calibration.least_squares import fit_least_squares, least_squares_summary
@@ -161,7 +176,9 @@ def _found(
     from calibration.summary import summary
 
     def evaluate(candidates: Sequence[Candidate]) -> list[Evaluation]:
-        return driver.evaluate(candidates, parts.ladder, "none")
+        made = driver.evaluate(candidates, parts.ladder, "none")
+        between()
+        return made
 
     def further(candidates: Sequence[Candidate]) -> list[Evaluation]:
         return driver.evaluate(candidates, Ladder(parts.possible), "none")
