@@ -160,7 +160,7 @@ def posterior(parameters: Sequence[Found], draws: Array, correlation: Array) -> 
 
     with styled():
         count = len(parameters)
-        side = min(WIDTH, 2.4 + 1.2 * count)
+        side = min(WIDTH, 1.6 + 1.2 * count)
         height = side * (0.94 if count > 1 else 0.65)
         figure = Figure(figsize=(side, height))
         axes = figure.subplots(count, count, squeeze=False)
@@ -241,7 +241,8 @@ def _axes(axis: "Axes", parameters: Sequence[Found], values: Array, row: int, co
             side.set_major_formatter(tick)
             side.set_minor_formatter(NullFormatter())
         else:
-            side.set_major_locator(MaxNLocator(3 if last > 2 else 4))
+            beside = "upper" if side is axis.xaxis and column < last else None  # or labels collide
+            side.set_major_locator(MaxNLocator(3 if last > 1 else 4, prune=beside))
             _ticks(side, values[:, k])
         side.set_tick_params(labelsize=7.5, labelbottom=labelled, labelleft=labelled)
     if row == last:
