@@ -9,7 +9,7 @@ from mfopt.records.rig import TIME
 
 REFUSED = 100.0  # times as long: a wrong unit of time, or other conditions
 NOTED = 10.0  # times as long: it may be meant, and little is compared
-REMEDY = "the unit of the time column, and the conditions"
+REMEDY = "the unit of the time column, or the conditions"
 
 
 def check_durations(recording: Recording, made: Sequence[Evaluation]) -> None:

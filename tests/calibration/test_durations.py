@@ -42,7 +42,7 @@ def run(last: float, level: str = "drum") -> Evaluation:
         ),
         (0.02, "a factor of 100 apart"),
         (200.0, "a factor of 100 apart"),
-        (7200.0, r"lasts until 7200 s, .* correct the unit of the time column, and the cond"),
+        (7200.0, r"lasts until 7200 s, .* correct the unit of the time column, or the cond"),
     ],
 )
 def test_a_factor_of_a_hundred_is_refused(recorded: float, said: str) -> None:
