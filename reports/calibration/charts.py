@@ -36,6 +36,7 @@ LETTERS_OF_PANEL = 20  # side by side along its height
 LEGEND_ROW = 0.19  # [inch]
 EXPLAINED = 2.0  # standard deviations that about 95 % of residuals do not exceed
 BINS = 24
+MEETING = 0.1  # of an axis, from its end
 MANY_TICKS = 20.0  # ratio of the ends of an axis, from which only powers of ten are marked
 LETTERS = 96  # of the names of all parameters side by side
 MOST_PARAMETERS = 7  # of a posterior figure: more are too small to read
@@ -105,6 +106,15 @@ def residual(its: Compared) -> Array:
     expected = np.array(its.expected)
     away = np.array(its.recorded) - np.array(its.simulated)
     return np.where(expected > 0.0, away / expected, 0.0)
+
+
+def inner_ticks(low: float, high: float, count: int) -> list[float]:
+    """Round numbers, none so near an end that the label meets that of the next panel."""
+    from matplotlib.ticker import MaxNLocator
+
+    found = [float(t) for t in MaxNLocator(count).tick_values(low, high) if low <= t <= high]
+    free = MEETING * (high - low)
+    return [t for t in found if low + free < t < high - free] or found
 
 
 def wrapped(name: str) -> str:
@@ -214,7 +224,7 @@ def _coefficient(axis: "Axes", value: float) -> None:
 
 def _axes(axis: "Axes", parameters: Sequence[Found], values: Array, row: int, column: int) -> None:
     """Limits, ticks and labels: at the left and lower edge only."""
-    from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
+    from matplotlib.ticker import FixedLocator, LogLocator, NullFormatter
 
     last = len(parameters) - 1
     size = 8.0 if last < 4 else 6.5
@@ -241,8 +251,10 @@ def _axes(axis: "Axes", parameters: Sequence[Found], values: Array, row: int, co
             side.set_major_formatter(tick)
             side.set_minor_formatter(NullFormatter())
         else:
-            beside = "upper" if side is axis.xaxis and column < last else None  # or labels collide
-            side.set_major_locator(MaxNLocator(3 if last > 1 else 4, prune=beside))
+            count = 3 if last > 1 else 4
+            side.set_major_locator(
+                FixedLocator(inner_ticks(*_limits(parameters[k], values[:, k]), count))
+            )
             _ticks(side, values[:, k])
         side.set_tick_params(labelsize=7.5, labelbottom=labelled, labelleft=labelled)
     if row == last:

@@ -164,6 +164,14 @@ def test_many_parameters_channels_and_recordings_find_room(tmp_path: Path) -> No
     assert all(len(page.extract_text()) > 40 for page in pdf.pages)
 
 
+@pytest.mark.parametrize(("low", "high"), [(0.0017, 0.00305), (-2.0, 3.0), (4.0, 4.0 + 1e-9)])
+def test_ticks_of_the_posterior_leave_room_at_the_ends(low: float, high: float) -> None:
+    ticks = np.array(charts.inner_ticks(low, high, 3))
+    assert len(ticks) >= 1
+    assert np.all(ticks > low + 0.1 * (high - low))
+    assert np.all(ticks < high - 0.1 * (high - low))
+
+
 def test_names_of_users_are_text(tmp_path: Path) -> None:
     odd = "$\\foo$ #panic() <b>{{x}}\x07\u7c73"
     its = summary(name=odd, parameters=(parameter(odd),), correlation=[[1.0]],
