@@ -148,11 +148,11 @@ def check_in_words(its: Summary) -> list[str]:
     if not its.emulators or any(c.too_sure for c in its.emulators):
         return []
     coarse = [
-        f"The emulator of {c.recording} is coarse: near the result the error is {c.error:.1f} "
-        "times scatter and noise of one run. The intervals allow for it; more runs, such as "
-        f"--runs {2 * its.runs}, would narrow them"
+        f"The emulator of {c.recording} is coarse: near the result it allows for an error of "
+        f"{c.doubt:.1f} times scatter and noise of one run, and has one of {c.error:.1f}. More "
+        f"runs, such as --runs {2 * its.runs}, would narrow the intervals"
         for c in its.emulators
-        if c.fresh and c.error > COARSE
+        if c.fresh and max(c.error, c.doubt) > COARSE
     ]
     left_out, fresh = (
         np.mean([c.held for c in its.emulators if c.fresh is which]) for which in (False, True)

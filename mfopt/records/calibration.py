@@ -1,6 +1,7 @@
 """What a calibration found, as `calibration.json` keeps it; all values in SI units."""
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -98,6 +99,11 @@ class EmulatorCheck:
     squared: float  # mean square of run less prediction over its standard deviation; 1: as it says
     by_chance: float  # the largest `squared` that chance explains
     error: float  # rms of run less prediction over scatter of one run and measurement noise
+
+    @property
+    def doubt(self) -> float:
+        """What the emulator allows for its error, over scatter of one run and measurement noise."""
+        return self.error / math.sqrt(self.squared) if self.squared > 0.0 else 0.0
 
     @property
     def too_sure(self) -> bool:

@@ -158,8 +158,12 @@ def test_an_emulator_that_is_coarse_near_the_result_is_named_and_far_from_it_is_
     assert len(check_in_words(far)) == 1
     near = summary(emulators=(check(fresh=False), check(fresh=True, error=1.8)))
     _, line = check_in_words(near)
-    assert line.startswith("The emulator of slot is coarse: near the result the error is 1.8 times")
+    assert line.startswith("The emulator of slot is coarse: near the result it allows for an error")
+    assert "and has one of 1.8" in line
     assert "--runs 160" in line
+    # Far too unsure: it errs little, and the intervals are wide for nothing.
+    unsure = summary(emulators=(check(fresh=False), check(fresh=True, error=0.3, squared=0.01)))
+    assert "allows for an error of 3.0 times" in check_in_words(unsure)[1]
 
 
 def test_the_recording_that_tells_most_is_said() -> None:
