@@ -4,7 +4,7 @@
     python -m benchmarks.calibration --reduced   one known experiment from its first run, 10 min
     python -m benchmarks.calibration --report    print what was measured
 
-All of it takes about 6 h of CPU and goes on where it stopped; `--work` is where the runs are kept.
+All of it takes about 9 h of CPU and goes on where it stopped; `--work` is where the runs are kept.
 """
 
 import argparse

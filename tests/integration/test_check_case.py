@@ -3,10 +3,13 @@
 from pathlib import Path
 
 import pytest
+from rich.console import ConsoleDimensions
 from typer.testing import CliRunner, Result
 
 from mfopt.commands.app import app
+from mfopt.commands.shared import screen
 
+WIDE = ConsoleDimensions(200, 50)  # no text is wrapped, whatever the environment says
 BALLS = Path(__file__).resolve().parents[2] / "examples" / "calibration" / "balls"
 
 
@@ -23,8 +26,7 @@ def test_a_case_is_shown_as_it_was_understood(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "200")
-    monkeypatch.setenv("TERM", "xterm")  # a "dumb" terminal has 80 columns whatever COLUMNS says
+    monkeypatch.setattr(screen, "size", WIDE)
     its = checked(tmp_path, ",height [cm]", ",HEIGHT / cm", "--dry-run").output
     assert "61 samples from 0 to 1.2 s" in its  # samples and times
     assert "4.361 to 10.02 m" in its  # given in cm
@@ -76,8 +78,7 @@ def test_runs_that_are_too_few_are_said(tmp_path: Path) -> None:
 def test_a_channel_may_have_any_si_unit(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, unit: str, column: str, shown: str
 ) -> None:
-    monkeypatch.setenv("COLUMNS", "200")
-    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr(screen, "size", WIDE)
     size = float(shown.split()[2])
     for file in BALLS.iterdir():
         if file.is_file():
