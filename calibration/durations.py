@@ -1,6 +1,6 @@
 """How long a recording lasts beside the simulation: a wrong unit of time is a factor of 1 000."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from calibration.recordings.records import Recording
 from mfopt.errors import ConfigError
@@ -18,31 +18,34 @@ def check_durations(recording: Recording, made: Sequence[Evaluation]) -> None:
     Raises:
         ConfigError: names both durations and what to correct.
     """
-    ends = _ends(recording, made)
-    for channel, recorded in _recorded(recording).items() if ends else ():
-        apart = max(recorded / max(ends), min(ends) / recorded)
+    for apart, said in _compared(recording, made):
         if apart >= REFUSED:
             raise ConfigError(
-                f"recording {recording.name!r}: its {channel} lasts until {recorded:.4g} s, and "
-                f"the simulation until {_span(ends)}: they are a factor of {apart:.4g} apart, and "
-                f"{REFUSED:g} is the limit; correct {REMEDY}"
+                f"recording {recording.name!r}: {said}: they are a factor of {apart:.4g} apart, "
+                f"and {REFUSED:g} is the limit; correct {REMEDY}"
             )
 
 
 def unlike_durations(recordings: Sequence[Recording], made: Sequence[Evaluation]) -> list[str]:
     """Recordings that are much shorter or longer than the simulation, one sentence a channel."""
-    lines = []
-    for recording in recordings:
-        ends = _ends(recording, made)
-        for channel, recorded in _recorded(recording).items() if ends else ():
-            apart = max(recorded / max(ends), min(ends) / recorded)
-            if apart > NOTED:
-                lines.append(
-                    f"{recording.name}: its {channel} lasts until {recorded:.4g} s, and the "
-                    f"simulation until {_span(ends)}; only the time that both have is compared. If "
-                    f"that is not meant, check {REMEDY}"
-                )
-    return lines
+    return [
+        f"{recording.name}: {said}; only the time that both have is compared. If that is not "
+        f"meant, check {REMEDY}"
+        for recording in recordings
+        for apart, said in _compared(recording, made)
+        if apart > NOTED
+    ]
+
+
+def _compared(recording: Recording, made: Sequence[Evaluation]) -> Iterator[tuple[float, str]]:
+    """For each channel the factor between its duration and those of the runs, and both in words."""
+    ends = _ends(recording, made)
+    for channel, recorded in _recorded(recording).items() if ends else ():
+        apart = max(recorded / max(ends), min(ends) / recorded)
+        yield (
+            apart,
+            (f"its {channel} lasts until {recorded:.4g} s, and the simulation until {_span(ends)}"),
+        )
 
 
 def _ends(recording: Recording, made: Sequence[Evaluation]) -> list[float]:

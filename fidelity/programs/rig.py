@@ -4,8 +4,8 @@ A command gets JSON as in `fidelity.programs.command`, with the parameters in `x
 `conditions` of the recording. A function `f(parameters, conditions, seed)` gets both as
 dictionaries. Both give the times `time` (s,) [s], each series over them, and numbers, by channel.
 A function is interrupted at the time limit between two instructions of Python; a call into
-compiled code ends first. What a function prints is not
-shown, but for the last lines in the reason of a failed run.
+compiled code ends first. What a function prints is not shown, but for the last lines in the reason
+of a failed run.
 """
 
 import importlib.util
