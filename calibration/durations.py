@@ -41,6 +41,8 @@ def _compared(recording: Recording, made: Sequence[Evaluation]) -> Iterator[tupl
     """For each channel the factor between its duration and those of the runs, and both in words."""
     ends = _ends(recording, made)
     for channel, recorded in _recorded(recording).items() if ends else ():
+        if recorded <= 0.0:  # before the experiment: that they have no time in common is said
+            continue
         apart = max(recorded / max(ends), min(ends) / recorded)
         yield (
             apart,

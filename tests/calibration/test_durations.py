@@ -55,6 +55,14 @@ def test_what_may_be_meant_is_not_refused(recorded: float) -> None:
     check_times(recording(recorded), [run(2.0)])
 
 
+def test_a_recording_that_ends_where_the_experiment_starts_has_no_time_in_common() -> None:
+    times = np.linspace(-2.0, 0.0, 20)
+    series = Series("angle", times, np.sin(times), 0.0, np.zeros(20, bool))
+    early = Recording("drum", {}, (Repeat("a.csv", {"angle": series}),))
+    with pytest.raises(ConfigError, match="its angle lies from 0 s to 0 s"):
+        check_times(early, [run(2.0)])
+
+
 def test_one_run_that_ends_at_once_refuses_no_recording() -> None:
     check_times(recording(2.0), [run(0.01), run(1.9)])
 
