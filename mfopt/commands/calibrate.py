@@ -2,6 +2,8 @@
 
 import os
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from time import process_time
@@ -9,19 +11,18 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from calibration.parts import ERRORS, without
 from mfopt.arrays import frozen
 from mfopt.campaign.begin import begin
 from mfopt.campaign.driver import Driver
-from mfopt.campaign.driver import Progress as Made
 from mfopt.campaign.executor import Runner
 from mfopt.campaign.header import CALIBRATED_WITH, header
 from mfopt.campaign.local_workers import local_processes
 from mfopt.campaign.memory import Memory
 from mfopt.campaign.place import check_disk
-from mfopt.campaign.store import writing
+from mfopt.campaign.store import RunDirectory, writing
+from mfopt.commands.count import counting
 from mfopt.commands.report import write_calibration_pages
 from mfopt.commands.shared import AsJson, Into, Quiet, Resume, console
 from mfopt.errors import ConfigError
@@ -70,100 +71,112 @@ def calibrate(
     as_json: AsJson = False,
 ) -> None:
     """Fit the parameters of a simulation to recordings, with what the recordings cannot tell."""
-    from calibration.advice import RUNS as RUNS_OF_ADVICE
-    from calibration.campaign import runs_of_each
     from calibration.recordings.notes import notes_by_files
     from fidelity.engines.numba import prepare
     from fidelity.rig import SceneRig
-    from mfopt.study.case import COMPARED, assemble_case  # half a second, which only this needs
+    from mfopt.study.case import assemble_case  # half a second, which only this needs
 
     on = console(quiet=quiet or as_json)
     parts = assemble_case(case_file)
-    for error in leave_out or ():
-        without(error)
-    if leave_out and method is not Method.POSTERIOR:
-        raise ConfigError("--leave-out needs the method posterior")
-    if method is Method.POSTERIOR:
-        runs_of_each(parts.case, runs)
-    if advise and (method is not Method.POSTERIOR or not parts.possible):
-        raise ConfigError(
-            "--advise needs the method posterior, and experiments to choose from: name them in "
-            "tables [[possible]] of the case file"
-        )
-    for line in notes_by_files(parts.case.recordings):
+    ways = Ways(method, runs, tuple(leave_out or ()), advise)
+    _refuse(ways, parts)
+    for line in (*notes_by_files(parts.case.recordings), *parts.doubts):
         on.print(line)
-    for doubt in parts.doubts:
-        on.print(doubt)
     path = directory or Path("runs") / parts.case.name
     count = workers or len(os.sched_getaffinity(0))
     check_disk(path)
     with full_disk_named(path), writing(path):
         if isinstance(parts.rig, SceneRig):
             prepare(lambda: on.print("compiling the grain engine, once: about 30 s"))
-        meant = {"runs": runs, "method": method.value}
-        now = _header(parts, COMPARED, meant, count)
-        into = begin(path, parts.text, now, resume=resume, criteria=COMPARED)
-        if into.kept:
-            on.print(f"{into.kept} runs made before are used wherever the fit asks for them again")
-        if into.end is None:  # what is there is of other recordings
-            for name in (RESULT[method], *WRITTEN):
-                (path / name).unlink(missing_ok=True)
-        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(),
-                   TimeRemainingColumn())  # fmt: skip
-        runner = Runner(local_processes(count))
-        with Progress(*columns, console=on, disable=quiet or as_json) as shown:
-            total = runs + (RUNS_OF_ADVICE * len(parts.possible) if advise else 0)
-            task = shown.add_task("simulations", total=total)
-
-            def watch(made: Made) -> None:
-                shown.update(task, advance=1, description="simulations")
-
-            def between() -> None:
-                """Say that no simulation runs for a while, because the fit learns from them."""
-                made = round(shown.tasks[task].completed)
-                if method is not Method.POSTERIOR or not len(parts.case.fitted) < made < total:
-                    return
-                shown.update(task, description="fitting")
-                if not on.is_terminal:
-                    on.print(
-                        f"{made} of {total} simulations are made; now the fit learns from them"
-                    )
-
-            driver = Driver(parts.problem, Memory(into), runner, count, watch, {})
-            begun = process_time()
-            try:
-                result, words, found = _found(
-                    parts, driver, runs, method, leave_out or (), between, advise=advise
-                )
-            finally:
-                runner.close()
+        into = _begun(path, parts, ways, count, on, resume=resume)
+        begun = process_time()
+        result, words, found = _fitted(parts, into, ways, count, on, hidden=quiet or as_json)
+        fit_cpu_s = process_time() - begun
         if into.end is None:
             into.add_end("all planned runs are made")
-        fit_cpu_s = process_time() - begun
         write_aside(path / RESULT[method], result.encode())
         if found is not None:
+            words.append(f"emulators and posterior: {fit_cpu_s:.0f} s of CPU")
             write_aside(path / records.FIT_COST, records.fit_cost_as_json(fit_cpu_s).encode())
             _write_material(parts, found, path, on)
             _draw_best_fits(parts, found, path)
             write_calibration_pages(into, on)
     if as_json:
         typer.echo(result)
-    else:
-        for line in words:
-            on.print(line)
-        if found is not None:
-            on.print(f"emulators and posterior: {fit_cpu_s:.0f} s of CPU")
+    for line in words:
+        on.print(line)
+
+
+@dataclass(frozen=True, slots=True)
+class Ways:
+    """How a calibration is asked for."""
+
+    method: Method
+    runs: int
+    leave_out: tuple[str, ...]
+    advise: bool
+
+
+def _refuse(ways: Ways, parts: "AssembledCase") -> None:
+    """See that options and case go together.
+
+    Raises:
+        ConfigError: if they do not.
+    """
+    from calibration.campaign import runs_of_each
+
+    for error in ways.leave_out:
+        without(error)
+    if ways.method is Method.POSTERIOR:
+        runs_of_each(parts.case, ways.runs)
+    elif ways.leave_out:
+        raise ConfigError("--leave-out needs the method posterior")
+    if ways.advise and (ways.method is not Method.POSTERIOR or not parts.possible):
+        raise ConfigError(
+            "--advise needs the method posterior, and experiments to choose from: name them in "
+            "tables [[possible]] of the case file"
+        )
+
+
+def _begun(
+    path: Path, parts: "AssembledCase", ways: Ways, workers: int, on: Console, *, resume: bool
+) -> RunDirectory:
+    """The run directory, new or gone on with; results of other recordings are deleted."""
+    from mfopt.study.case import COMPARED
+
+    meant = {"runs": ways.runs, "method": ways.method.value}
+    now = _header(parts, COMPARED, meant, workers)
+    into = begin(path, parts.text, now, resume=resume, criteria=COMPARED)
+    if into.kept:
+        on.print(f"{into.kept} runs made before are used wherever the fit asks for them again")
+    if into.end is None:
+        for name in (RESULT[ways.method], *WRITTEN):
+            (path / name).unlink(missing_ok=True)
+    return into
+
+
+def _fitted(
+    parts: "AssembledCase", into: RunDirectory, ways: Ways, workers: int, on: Console,
+    *, hidden: bool,
+) -> tuple[str, list[str], records.Summary | None]:  # fmt: skip
+    """Fit, with a bar that counts the simulations; gives what `_found` gives."""
+    from calibration.advice import RUNS as RUNS_OF_ADVICE
+
+    total = ways.runs + (RUNS_OF_ADVICE * len(parts.possible) if ways.advise else 0)
+    runner = Runner(local_processes(workers))
+    with closing(runner), counting(on, total, hidden=hidden) as count:
+
+        def between() -> None:
+            learns = ways.method is Method.POSTERIOR
+            if learns and len(parts.case.fitted) < count.made < total:
+                count.pause("fitting", "now the fit learns from them")
+
+        driver = Driver(parts.problem, Memory(into), runner, workers, count.one, {})
+        return _found(parts, driver, ways, between)
 
 
 def _found(
-    parts: "AssembledCase",
-    driver: Driver,
-    runs: int,
-    method: Method,
-    leave_out: Sequence[str],
-    between: Callable[[], None],
-    *,
-    advise: bool,
+    parts: "AssembledCase", driver: Driver, ways: Ways, between: Callable[[], None]
 ) -> tuple[str, list[str], records.Summary | None]:
     """The result of a fit as JSON and in words, and the summary of a fit with intervals.
 
@@ -183,18 +196,18 @@ def _found(
     def further(candidates: Sequence[Candidate]) -> list[Evaluation]:
         return driver.evaluate(candidates, Ladder(parts.possible), "none")
 
-    if method is Method.LBFGSB:
-        found = fit_least_squares(parts.case, parts.noises, evaluate, runs)
+    if ways.method is Method.LBFGSB:
+        found = fit_least_squares(parts.case, parts.noises, evaluate, ways.runs)
         its = least_squares_summary(found, parts.case, parts.rig.channels)
         return its.as_json, its.in_words, None
-    campaign = fitted_to(parts.case, parts.noises, evaluate, runs)
+    campaign = fitted_to(parts.case, parts.noises, evaluate, ways.runs)
     advice: tuple[records.Advice, ...] = ()
-    if advise:
+    if ways.advise:
         advice, _ = told_most(
             parts.case, [level.name for level in parts.possible], campaign.fitted.posterior,
             parts.noises, further, len(campaign.evaluations),
         )  # fmt: skip
-    others = fits_without(campaign, leave_out, parts.case)
+    others = fits_without(campaign, ways.leave_out, parts.case)
     result = summary(
         campaign,
         parts.case,
