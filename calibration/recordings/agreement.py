@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from calibration.recordings.case import Known
 from calibration.recordings.records import Repeat, Series
 from mfopt.arrays import Array
 from mfopt.errors import ConfigError
@@ -19,23 +20,28 @@ SCALAR_FACTOR = 3.0  # numbers may differ by so many times the tolerance of seri
 GRID = 200  # times at which series are compared
 SHIFTS = 41  # tried between minus and plus half of the shorter series
 SMALLEST_SCALE = 0.01  # of the channel's size; smaller ranges are no signal
+NOTHING_KNOWN = Known()
 
 
 def agreeing(
-    repeats: Sequence[Repeat], channel: Channel, tolerance: float, where: str, offset: float = 0.0
+    repeats: Sequence[Repeat],
+    channel: Channel,
+    tolerance: float,
+    where: str,
+    known: Known = NOTHING_KNOWN,
 ) -> tuple[Repeat, ...]:
     """The repeats, with a note where one starts later than the first, or is unlike the others.
 
     A repeat contradicts the others if, at the best shift in time, the rms difference between its
     series and the median of the others exceeds `tolerance` times the range of the series, what a
-    stated error of the zero explains, and five times the noise of the series.
+    stated error of the zero explains, and five times the noise, stated or of the series.
 
     Args:
         repeats: runs under the same conditions.
         channel: that is compared.
         tolerance: share of the range.
         where: case file and recording, for messages.
-        offset: stated error of the zero, 1 sd, in the channel's unit.
+        known: what is stated of the channel.
 
     Raises:
         ConfigError: if one contradicts the others, or is a copy.
@@ -51,7 +57,8 @@ def agreeing(
     pairs = zip(series[1:], free[1:], strict=True)
     shifts = [0.0, *(best_shift(series[0], s, free=free[0] or its) for s, its in pairs)]
     k, far, noise, scale = _farthest(series, shifts, channel)
-    explained = max(NOISE_FACTOR * noise, OFFSET_FACTOR * offset)
+    noise = max(noise, known.noise or 0.0)
+    explained = max(NOISE_FACTOR * noise, OFFSET_FACTOR * known.offset)
     if far > max(tolerance * scale, explained):
         others = ", ".join(file for i, file in enumerate(files) if i != k)
         raise ConfigError(
@@ -77,13 +84,18 @@ def _add_note(repeats: list[Repeat], i: int, note: str) -> None:
 
 
 def check_scalars(
-    repeats: Sequence[Repeat], channel: Channel, tolerance: float, where: str
+    repeats: Sequence[Repeat],
+    channel: Channel,
+    tolerance: float,
+    where: str,
+    known: Known = NOTHING_KNOWN,
 ) -> None:
     """Refuse a number that is far from the median of the other repeats.
 
     Raises:
         ConfigError: if it differs by more than three times `tolerance`, relative to that median or,
-            of a number that can vanish, to the usual size.
+            of a number that can vanish, to the usual size; and by more than five times the noise
+            that is stated.
     """
     values = [r.scalars[channel.name] for r in repeats if channel.name in r.scalars]
     limit = SCALAR_FACTOR * tolerance
@@ -93,7 +105,8 @@ def check_scalars(
         least = channel.size if channel.can_vanish else SMALLEST_SCALE * channel.size
         scale = max(abs(middle), least)
         # With two numbers each is as far from the other; both are named.
-        if abs(value - middle) > limit * scale and (len(values) < 4 or _is_outlier(value, rest)):
+        most = max(limit * scale, NOISE_FACTOR * (known.noise or 0.0))
+        if abs(value - middle) > most and (len(values) < 4 or _is_outlier(value, rest)):
             raise ConfigError(
                 f"{where}: {channel.name} = {value:.4g} {channel.unit} differs from the other "
                 f"repeats ({', '.join(f'{v:.4g}' for v in rest[:5])}) by "

@@ -87,10 +87,9 @@ def _recording(
     recording = Recording(its.name, its.conditions, repeats, its.held_out)
     tolerance = settings.measurement.repeat_tolerance
     for name in recording.channels:
-        offset = known.get(name, Known()).offset
-        repeats = agreeing(repeats, channels[name], tolerance, where, offset)
+        repeats = agreeing(repeats, channels[name], tolerance, where, known.get(name, Known()))
     for name in recording.scalars:
-        check_scalars(repeats, channels[name], tolerance, where)
+        check_scalars(repeats, channels[name], tolerance, where, known.get(name, Known()))
     return Recording(its.name, its.conditions, repeats, its.held_out)
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from calibration.recordings.agreement import agreeing, best_shift, check_scalars, roughness
+from calibration.recordings.case import Known
 from calibration.recordings.records import Repeat, Series
 from mfopt.arrays import Array
 from mfopt.errors import ConfigError
@@ -80,7 +81,7 @@ def test_a_stated_error_of_the_zero_is_no_contradiction() -> None:
     repeats = [repeat("a", fall(T)), repeat("b", fall(T) + 0.01 * np.sin(np.pi * T))]
     with pytest.raises(ConfigError, match="differs"):
         agreeing(repeats, LEVEL, 0.05, "case")
-    agreeing(repeats, LEVEL, 0.05, "case", offset=0.003)
+    agreeing(repeats, LEVEL, 0.05, "case", Known(offset=0.003))
 
 
 def test_half_of_a_contradiction_is_said() -> None:
@@ -108,6 +109,20 @@ def test_numbers_that_scatter_agree(values: list[float]) -> None:
 def test_numbers_that_contradict_are_refused(values: list[float]) -> None:
     with pytest.raises(ConfigError, match=r"angle = .* differs from the other repeats"):
         check_scalars([Repeat("", {}, {"angle": v}) for v in values], ANGLE, 0.1, "case")
+
+
+def test_numbers_agree_within_the_noise_that_is_stated() -> None:
+    repeats = [Repeat("", {}, {"angle": v}) for v in (0.116, 0.16, 0.179)]
+    check_scalars(repeats, ANGLE, 0.1, "case", Known(noise=0.02))
+    with pytest.raises(ConfigError, match="differs from the other repeats"):
+        check_scalars(repeats, ANGLE, 0.1, "case", Known(noise=0.01))
+
+
+def test_series_agree_within_the_noise_that_is_stated() -> None:
+    repeats = [repeat(f"r{i}", fall(T) + 0.05 * i * np.sin(np.pi * T)) for i in range(3)]
+    with pytest.raises(ConfigError, match="these are no repeats"):
+        agreeing(repeats, LEVEL, 0.1, "case", Known(noise=0.001))
+    agreeing(repeats, LEVEL, 0.1, "case", Known(noise=0.03))
 
 
 def test_small_numbers_that_can_vanish_agree() -> None:
