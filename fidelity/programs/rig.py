@@ -9,6 +9,7 @@ of a failed run.
 """
 
 import importlib.util
+import os
 import signal
 import sys
 import threading
@@ -18,6 +19,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from time import process_time
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -63,6 +65,24 @@ class ProgramRig:
     def parameter(self, name: str) -> RigParameter | None:
         """Nothing is known of the parameters of a program."""
         return None
+
+    @property
+    def files(self) -> dict[str, Path]:
+        """Files of the program, by name: what a run depends on beside its parameters.
+
+        Of a function its file and the neighbours that this imports at its top; of a command the
+        program, if it is named with its folder, and every file among its words.
+
+        Raises:
+            ConfigError: if the function cannot be loaded.
+        """
+        if not self.command:
+            folder = os.path.dirname(self.function[0])
+            its = _module(self.function[0])[1]
+            return {os.path.relpath(file, folder): Path(file) for file in its}
+        program = self.command[:1] if os.sep in self.command[0] else ()
+        words = (*program, *self.command[1:])
+        return {word: Path(word) for word in words if os.path.isfile(word)}
 
     def level(
         self, name: str, conditions: Conditions, parameters: tuple[str, ...]
@@ -224,9 +244,21 @@ def _numbers(name: Any, value: Any) -> AnyArray:
     return frozen(array)
 
 
-@lru_cache
 def _loaded(file: str, name: str) -> Any:
     """The function of that name in a Python file.
+
+    Raises:
+        ConfigError: if there is none.
+    """
+    function = getattr(_module(file)[0], name, None)
+    if not callable(function):
+        raise ConfigError(f"rig.function: {file} has no function {name!r}; write FILE.py:NAME")
+    return function
+
+
+@lru_cache
+def _module(file: str) -> tuple[ModuleType, tuple[str, ...]]:
+    """A Python file as a module, and the files that were loaded from its folder with it.
 
     Raises:
         ConfigError: if there is none.
@@ -240,6 +272,7 @@ def _loaded(file: str, name: str) -> Any:
     module = importlib.util.module_from_spec(spec)
     if (folder := str(path.parent.absolute())) not in sys.path:
         sys.path.insert(0, folder)  # so that the file can import its neighbours
+    before = set(sys.modules)
     with captured() as printed:
         try:
             spec.loader.exec_module(module)
@@ -248,7 +281,10 @@ def _loaded(file: str, name: str) -> Any:
                 raise
             why = f"{explained(error)}{printed()}"
             raise ConfigError(f"rig.function: {file} cannot be loaded: {why}") from error
-    function = getattr(module, name, None)
-    if not callable(function):
-        raise ConfigError(f"rig.function: {file} has no function {name!r}; write FILE.py:NAME")
-    return function
+    new = {getattr(sys.modules[name], "__file__", None) for name in set(sys.modules) - before}
+    return module, (file, *sorted(its for its in new if its and _is_own(its, folder)))
+
+
+def _is_own(file: str, folder: str) -> bool:
+    """Whether a file lies in a folder and is of no library that is installed there."""
+    return file.startswith(folder + os.sep) and "site-packages" not in file

@@ -86,7 +86,7 @@ def assemble_case(path: Path) -> AssembledCase:
     conditions: dict[str, Conditions] = {**recorded, **(given or rig.possible)}
     channels = sorted({c for recording in case.recordings for c in recording.channels})
     noises = {c: measurement_noise(case.recordings, c, case.measurement.of(c)) for c in channels}
-    meaning = {**_meaning(path, case), "fit": _fit(path, settings)}
+    meaning = {**_meaning(path, case, rig), "fit": _fit(path, settings)}
     doubts = tuple(f"{r.name}: {why}" for r in case.recordings for why in rig.doubts(r.conditions))
     return AssembledCase(
         case, rig, problem, ladder, further, noises, text, meaning, conditions, doubts
@@ -234,14 +234,14 @@ def _engine(name: DemName, options: EngineOptions, where: str) -> Engine:
     return engine
 
 
-def _meaning(path: Path, case: Case) -> dict[str, Any]:
-    """What no run may differ in: the rig, the content of the user's function, the priors."""
+def _meaning(path: Path, case: Case, rig: Rig) -> dict[str, Any]:
+    """What no run may differ in: the rig, the content of the user's program, the priors."""
     its: dict[str, Any] = {
         "rig": case.rig,
         "prior": {p.name: None if p.mean is None else [p.mean, p.sd] for p in case.parameters},
     }
-    if file := str(case.rig.get("function", "")).partition(":")[0]:
-        its[f"content of {file}"] = digest((path.parent / file).read_bytes())[:16]
+    for name, file in rig.files.items() if isinstance(rig, ProgramRig) else ():
+        its[f"content of {name}"] = digest(file.read_bytes())[:16]
     return its
 
 

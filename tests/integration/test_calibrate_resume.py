@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import sys
 from collections import Counter
 from pathlib import Path
 
@@ -128,6 +129,23 @@ def test_what_runs_depend_on_is_named_if_it_changed(
     assert refused.exit_code == 2
     assert said in " ".join(refused.output.split())
     assert "give another directory" in " ".join(refused.output.split())
+
+
+@pytest.mark.parametrize("name", ["program.py", "neighbour_of_balls.py"])
+def test_a_changed_program_is_named(
+    tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / name).write_text("HEIGHT = 10.0\n")
+    if name == "program.py":  # a word of a command, named from the folder where mfopt is called
+        case = copied(tmp_path / "a", 'function = "balls.py:fall"',
+                      f'command = ["{sys.executable}", "{name}"]')  # fmt: skip
+    else:
+        case = copied(tmp_path, "import math\n", "import math, neighbour_of_balls\n")
+    before = assemble_case(case).meaning
+    (tmp_path / name).write_text("HEIGHT = 9.0\n")
+    now = assemble_case(case).meaning
+    assert {key for key in now if now[key] != before[key]} == {f"content of {name}"}
 
 
 @pytest.mark.parametrize(
