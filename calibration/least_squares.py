@@ -16,7 +16,7 @@ from scipy.optimize import minimize
 
 from calibration.observed import Observed, observed
 from calibration.recordings.case import Case
-from calibration.recordings.records import Noise
+from calibration.recordings.records import Noise, Recording
 from calibration.runs import (
     Evaluate,
     Predicted,
@@ -24,6 +24,7 @@ from calibration.runs import (
     check_times,
     end_of,
     flaw,
+    most_frequent,
     predicted,
     predictions_of_each,
     seeing,
@@ -87,7 +88,10 @@ def fit_least_squares(
             break
         start = rng.random(dimension)
     if squares.best is None:
-        raise SimulationError("every run failed; see the reasons in the run directory")
+        raise SimulationError(
+            "every run failed; mend the simulation, or change the ranges to where it works. "
+            f"{most_frequent(squares.flaws)}"
+        )
     z, made = squares.best[None], len(squares.made)
     beside, last = predicted(case, seeing(case, noises), evaluate, z, count, made)
     x = last[0].candidate.x
@@ -147,8 +151,16 @@ class Squares:
         values = np.where(np.isfinite(values), values, values[0])
         return float(values[0]), (values[1:] - values[0]) / steps
 
+    @property
+    def flaws(self) -> list[str | None]:
+        """Why each run cannot be compared; None of one that can."""
+        return [flaw(its, self._recording(its)) for its in self.made]
+
+    def _recording(self, its: Evaluation) -> Recording:
+        return next(r for r in self.case.fitted if r.name == its.candidate.level)
+
     def _square(self, its: Evaluation) -> float:
-        recording = next(r for r in self.case.fitted if r.name == its.candidate.level)
+        recording = self._recording(its)
         if flaw(its, recording) is not None:
             return np.inf
         if recording.name not in self.seen:

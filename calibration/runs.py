@@ -104,12 +104,12 @@ def finished(made: Sequence[Evaluation], recording: Recording) -> list[Evaluatio
         raise SimulationError(
             f"recording {recording.name!r}: {len(all_of_it) - len(its)} of {len(all_of_it)} runs "
             f"failed, and at least {100 * MOST_FAILED:.0f} % must end; mend the simulation, or "
-            f"narrow the ranges to where it works. {_most_frequent(flaws)}"
+            f"narrow the ranges to where it works. {most_frequent(flaws)}"
         )
     return its
 
 
-def _most_frequent(flaws: Sequence[str | None]) -> str:
+def most_frequent(flaws: Sequence[str | None]) -> str:
     """The most frequent reason, by its first line, and how many runs have it."""
     reasons = [why for why in flaws if why is not None]
     ((first, count),) = Counter(why.partition("\n")[0] for why in reasons).most_common(1)

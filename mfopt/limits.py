@@ -22,7 +22,7 @@ from mfopt.search.search import (
 
 Name = Annotated[str, AfterValidator(shown)]
 FileName = Annotated[str, AfterValidator(file_name)]
-Word = Annotated[str, AfterValidator(word)]  # of a command
+Word = Annotated[str, AfterValidator(word)]  # of a command, or a file
 
 # Random draws start from it.
 Seed = Annotated[int, Field(ge=0, le=MOST_SEED)]

@@ -45,13 +45,15 @@ def file_name(name: str) -> str:
 
 
 def word(text: str) -> str:
-    """The text itself, if a program can be given it as an argument.
+    """The text itself, if a program can be given it as an argument, and a file be called by it.
 
     Raises:
         ValueError: if it holds a zero byte.
     """
     if "\0" in text:
-        raise ValueError(f"{text!r} holds a zero byte, which no program can be given; leave it out")
+        raise ValueError(
+            f"{text!r} holds a zero byte, which no argument and no path can hold; leave it out"
+        )
     return text
 
 

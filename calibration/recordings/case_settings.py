@@ -10,7 +10,7 @@ from calibration.recordings.case import Parameter
 from calibration.recordings.header import Layout
 from mfopt.errors import ConfigError
 from mfopt.files.toml_text import toml_tables, toml_text
-from mfopt.limits import Bound, FileName, Name, Seed
+from mfopt.limits import Bound, FileName, Name, Seed, Word
 from mfopt.records.problem import LARGEST_BOUND
 from mfopt.settings import Settings, checked
 
@@ -170,7 +170,7 @@ class RecordingSettings(Settings):
 
     name: Name
     conditions: ConditionValues = Field(default_factory=dict)
-    files: list[str] = Field(default_factory=list, max_length=MOST_REPEATS)
+    files: list[Word] = Field(default_factory=list, max_length=MOST_REPEATS)
     rows: list[dict[str, float | str]] | None = None
     scalars: dict[str, ScalarSettings] = Field(default_factory=dict)
     held_out: bool = False

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 DEGREE = math.pi / 180.0
 
-# Unit as written -> factor to the SI unit, SI unit.
+# Unit as it should be written -> factor to the SI unit, SI unit.
 UNITS: Mapping[str, tuple[float, str]] = {
     **{name: (1.0, "s") for name in ("s", "sec", "second", "seconds")},
     **{"ms": (1e-3, "s"), "us": (1e-6, "s"), "min": (60.0, "s"), "h": (3600.0, "s")},
@@ -24,12 +24,16 @@ UNITS: Mapping[str, tuple[float, str]] = {
     **{name: (1e3, "kg/m3") for name in ("g/cm3", "g/ml", "kg/l", "t/m3")},
     **{"m3": (1.0, "m3"), "l": (1e-3, "m3"), "ml": (1e-6, "m3"), "cm3": (1e-6, "m3")},
     **{"m2": (1.0, "m2"), "cm2": (1e-4, "m2"), "mm2": (1e-6, "m2")},
-    **{"n": (1.0, "N"), "kn": (1e3, "N")},
-    **{"pa": (1.0, "Pa"), "kpa": (1e3, "Pa"), "mpa": (1e6, "Pa")},
-    **{"hz": (1.0, "Hz"), "1/s": (1.0, "Hz"), "khz": (1e3, "Hz")},
+    **{"N": (1.0, "N"), "kN": (1e3, "N")},
+    **{"Pa": (1.0, "Pa"), "kPa": (1e3, "Pa"), "MPa": (1e6, "Pa")},
+    **{"Hz": (1.0, "Hz"), "1/s": (1.0, "Hz"), "kHz": (1e3, "Hz")},
 }
 LIKELY = 5.0  # a likely unit brings a value so near to what is typical
 FRAMES = ("frame", "frames")  # of time; a case file says how many make a second
+
+# Capitals do not matter, but where they tell milli from mega.
+_ANY_CASE = {name.lower(): known for name, known in UNITS.items()}
+_OTHER_PREFIX = frozenset(("Ms", "Mm", "Mm/s", "Mm2", "Mg", "Mg/s", "Ml", "mPa"))
 
 _SPELLING = str.maketrans({"²": "2", "³": "3", "^": "", "µ": "u", "μ": "u"})
 
@@ -46,7 +50,8 @@ class Unit:
 def unit_of(text: str) -> Unit | None:
     """The unit that a text names; None if there is no such unit."""
     written = text.strip()
-    known = UNITS.get(written.translate(_SPELLING).lower())
+    plain = written.translate(_SPELLING)
+    known = None if plain in _OTHER_PREFIX else _ANY_CASE.get(plain.lower())
     return None if known is None else Unit(written, *known)
 
 

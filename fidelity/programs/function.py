@@ -118,7 +118,12 @@ def explained(error: BaseException) -> str:
     except Exception:  # the exception is the user's, and so is its `__str__`
         message = "it has no message"
     said = f"{type(error).__name__}: {message}" if message else type(error).__name__
-    frames = traceback.extract_tb(error.__traceback__)[1:]  # the first is that of `evaluate`
+    # The first is that of `evaluate`. A file that is no Python ends in the import of Python itself.
+    frames = [
+        frame
+        for frame in traceback.extract_tb(error.__traceback__)[1:]
+        if not frame.filename.startswith("<frozen ")
+    ]
     if not frames:
         return said
     return f"{said} (line {frames[-1].lineno} of {Path(frames[-1].filename).name})"

@@ -235,6 +235,8 @@ def _raw(given: Any) -> dict[str, AnyArray]:
 
 
 def _numbers(name: Any, value: Any) -> AnyArray:
+    if np.ma.is_masked(value):
+        raise _FlawedAnswer(f"{name} has masked values; a run must give a value at every time")
     try:
         array = np.asarray(value)
     except ValueError as error:  # lists of unequal lengths

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Iterable, Sequence
+from contextlib import closing
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
@@ -9,6 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from rich.table import Table
 
+from mfopt.campaign.executor import Runner
+from mfopt.campaign.local_workers import local_processes
 from mfopt.commands.shared import duration, screen
 from mfopt.errors import ConfigError, SimulationError
 from mfopt.names import with_unit
@@ -138,13 +141,18 @@ def _run_once(parts: "AssembledCase") -> float:
 
     if isinstance(parts.rig, SceneRig):
         prepare(lambda: screen.print("compiling the grain engine, once: about 30 s"))
-    x, began = parts.problem.baseline, perf_counter()
-    for recording in parts.case.recordings:
-        outcome = parts.ladder[recording.name].evaluate(x, seed=parts.case.seed)
-        its = Evaluation(Candidate(0, x, recording.name, 0, 0, "design"), outcome, 0.0)
-        if (why := flaw(its, recording)) is not None:
-            raise SimulationError(f"recording {recording.name!r}: the simulation failed: {why}")
-        check_times(recording, [its])
-        for line in unlike_durations([recording], [its]):
-            screen.print(line)
-    return (perf_counter() - began) / len(parts.case.recordings)
+    x, seed = parts.problem.baseline, parts.case.seed
+    # In a process of its own: the user's function may end the process, or keep it from ending.
+    with closing(Runner(local_processes(1))) as runner:
+        runner.check(parts.ladder)  # starts the process, which takes no part in the time of a run
+        began = perf_counter()
+        for recording in parts.case.recordings:
+            candidate = Candidate(0, x, recording.name, seed, 0, "design")
+            ((_, outcome),) = runner.run(parts.ladder, [candidate])
+            its = Evaluation(candidate, outcome, 0.0)
+            if (why := flaw(its, recording)) is not None:
+                raise SimulationError(f"recording {recording.name!r}: the simulation failed: {why}")
+            check_times(recording, [its])
+            for line in unlike_durations([recording], [its]):
+                screen.print(line)
+        return (perf_counter() - began) / len(parts.case.recordings)

@@ -164,7 +164,7 @@ class ProgramRigSettings(Settings):
     """The table `rig` of a case whose simulator is the user's own."""
 
     command: list[Word] = Field(default_factory=list)
-    function: str = ""  # FILE.py:NAME, the file beside the case
+    function: Word = ""  # FILE.py:NAME, the file beside the case
     channels: dict[Name, ChannelSettings] = Field(min_length=1)
     time_limit_s: TimeLimit = 3600.0
 

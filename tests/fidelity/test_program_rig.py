@@ -200,6 +200,7 @@ def test_what_a_command_writes_to_its_errors_is_in_the_reason_of_a_failed_run(
         ('{"height": float("nan")}', "height = nan is no finite number"),
         ('{"time": t, "height": [None] * 11}', "height = [None, None"),
         ('{"height": [[1.0], 2.0]}', "height is no array of numbers"),
+        ('{"time": t, "height": np.ma.masked_less(t, 0.5)}', "height has masked values"),
     ],
 )  # fmt: skip
 def test_an_answer_that_cannot_be_used_says_why_and_names_no_line_of_mfopt(

@@ -1,5 +1,7 @@
 """`mfopt check` of a case: what was read is shown, and what is wrong is named."""
 
+import threading
+import time
 from pathlib import Path
 
 import pytest
@@ -45,14 +47,41 @@ def test_a_case_is_shown_as_it_was_understood(
         ("balls.py:fall", "balls.py:fal", [], 2, "has no function 'fal'"),
         ('"height": done', '"hight": done', ["--dry-run"], 1, "none of the channels height"),
         ("np.linspace(0.0,", "np.linspace(0.3,", ["--dry-run"], 2, "simulate from time 0"),
+        (
+            "    area =",
+            "    import os; os._exit(0)\n    area =",
+            ["--dry-run"],
+            1,
+            "the worker process died",
+        ),
+        ('files = ["tennis-1.csv"]', 'files = ["tennis\\u0000.csv"]', [], 2, "zero byte"),
+        ('"balls.py:fall"', '"balls\\u0000.py:fall"', [], 2, "zero byte"),
+        (
+            "import math",
+            "import math; x = = 1",
+            [],
+            2,
+            "cannot be loaded: SyntaxError: invalid syntax (balls.py, line 3)",
+        ),
     ],
-)
+)  # fmt: skip)
 def test_what_is_wrong_is_named_before_a_calibration(
     tmp_path: Path, old: str, new: str, options: list[str], code: int, said: str
 ) -> None:
     its = checked(tmp_path, old, new, *options)
     assert its.exit_code == code
     assert said in " ".join(its.output.split())
+
+
+def test_a_thread_of_the_function_does_not_keep_the_check_from_ending(tmp_path: Path) -> None:
+    text = (
+        "    import threading, time\n"
+        "    threading.Thread(target=time.sleep, args=(60.0,)).start()\n"
+    )
+    began = time.monotonic()
+    assert checked(tmp_path, "    area =", f"{text}    area =", "--dry-run").exit_code == 0
+    assert time.monotonic() - began < 30.0
+    assert threading.active_count() == 1
 
 
 def test_runs_that_are_too_few_are_said(tmp_path: Path) -> None:
