@@ -6,6 +6,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from calibration.recordings.agreement import agreeing, check_scalars
 from calibration.recordings.case import Case, Known, Measurement
 from calibration.recordings.case_settings import (
@@ -25,6 +27,7 @@ from mfopt.records.rig import Channel
 from mfopt.settings import nearest
 
 Channels = Mapping[str, Channel]
+CHANCE = 8  # different values or more that are equal in two experiments are no chance
 LARGEST_ERROR = 100.0  # [usual size of a channel] 1 sd; with more the recording says nothing
 
 
@@ -192,8 +195,29 @@ def _check_recordings(recordings: tuple[Recording, ...], path: Path) -> None:
                     f"{recording.name!r}; a run counts once: leave it out of one"
                 )
             seen[file] = recording.name
+    _check_copies(recordings, path)
     if all(recording.held_out for recording in recordings):
         raise ConfigError(
             f"{path}: all {len(names)} recordings are held out; set held_out = false for those "
             "that are to be fitted"
         )
+
+
+def _check_copies(recordings: tuple[Recording, ...], path: Path) -> None:
+    """See that no series of an experiment is that of another one, in another file."""
+    seen: dict[tuple[str, bytes, bytes], tuple[str, str]] = {}
+    for recording in recordings:
+        for repeat in recording.repeats:
+            for channel, its in repeat.series.items():
+                if np.unique(its.values).size < CHANCE:
+                    continue
+                file, name = seen.setdefault(
+                    (channel, its.times.tobytes(), its.values.tobytes()),
+                    (repeat.file, recording.name),
+                )
+                if name != recording.name:
+                    raise ConfigError(
+                        f"{path}: {repeat.file} of {recording.name!r} holds the same "
+                        f"{its.times.size} values of {channel} as {file} of {name!r}; a run counts "
+                        "once: leave it out of one"
+                    )

@@ -18,7 +18,7 @@ MOST_RECORDINGS = 1000
 MOST_REPEATS = 1000
 MOST_POSSIBLE = 20
 NARROWEST_RANGE = 1e-9  # of the larger bound: below, numbers round to the bounds
-NARROWEST_PRIOR = 1e-6  # [of the range] 1 sd
+NARROWEST_PRIOR, WIDEST_PRIOR = 1e-6, 1e6  # [of the range] 1 sd
 
 Error = Field(default=0.0, ge=0.0)
 
@@ -79,6 +79,12 @@ class ParameterSettings(Settings):
                 raise ValueError(
                     f"prior.normal: sd = {sd:g} must be at least {NARROWEST_PRIOR:g} of the range, "
                     f"{NARROWEST_PRIOR * (high - low):g}; narrow the range around the mean"
+                )
+            if sd > WIDEST_PRIOR * (high - low):
+                raise ValueError(
+                    f"prior.normal: sd = {sd:g} must be at most {WIDEST_PRIOR:g} times the range, "
+                    f"{WIDEST_PRIOR * (high - low):g}; leave the prior out: without it all of the "
+                    "range is equally likely"
                 )
             if not low <= mean <= high:
                 raise ValueError(

@@ -194,6 +194,7 @@ WRONG = [
     (HEAD + PARAMETER.replace("0.1, 0.8", "1.0, 1.0000000000000002") + RECORDING, "1e-09 wide"),
     (HEAD + PARAMETER.replace("0.1, 0.8", "0.0, 1e-320") + RECORDING, "1e-100 wide"),
     (HEAD + PARAMETER + "prior = { normal = [0.4, 1e-20] }\n" + RECORDING, "1e-06 of the range"),
+    (HEAD + PARAMETER + "prior = { normal = [0.4, 1e20] }\n" + RECORDING, r"at most 1e\+06 tim"),
     (HEAD + PARAMETER + RECORDING + RECORDING.replace("run", "two").replace("a.csv", "./a.csv"),
      "a run counts once"),
     (HEAD + PARAMETER + RECORDING + 'conditions = { "a\\nb" = 1.0 }\n', "control character"),
@@ -210,6 +211,16 @@ def test_a_wrong_case_file_is_refused(tmp_path: Path, text: str, says: str) -> N
     with pytest.raises(ConfigError, match=says) as error:
         read_case(written(tmp_path, text), CHANNELS)
     assert "case.toml" in str(error.value)
+
+
+def test_a_copy_in_another_recording_is_refused(tmp_path: Path) -> None:
+    two = RECORDING + RECORDING.replace("run", "two").replace("a.csv", "b.csv")
+    falling = "time [s],level [mm]\n" + "".join(f"{0.1 * i:g},{100 - 5 * i}\n" for i in range(12))
+    path = written(tmp_path, HEAD + PARAMETER + two, a=falling, b=falling.replace(",", ";"))
+    with pytest.raises(ConfigError, match=r"b\.csv of 'two' holds the same 12 .* a\.csv of 'run'"):
+        read_case(path, CHANNELS)
+    few = "time [s],level [mm]\n0,100\n1,50\n2,0\n"  # this may well happen twice
+    assert read_case(written(tmp_path, HEAD + PARAMETER + two, a=few, b=few), CHANNELS)
 
 
 def test_a_missing_case_file_is_refused(tmp_path: Path) -> None:
