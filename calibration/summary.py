@@ -16,6 +16,7 @@ from calibration.posterior import LEVEL, Posterior, prior_transform, to_unit
 from calibration.recordings.case import Case
 from calibration.recordings.notes import notes_by_files
 from calibration.recordings.records import Noise, Recording
+from calibration.repeat_scatter import scatter_not_explained
 from calibration.runs import Predicted
 from calibration.words import (
     DETERMINED,
@@ -83,6 +84,7 @@ def summary(
     prior = _prior_draws(case)
     probability = float(chi2.sf(campaign.misfit, campaign.freedom))
     fits = probability >= MISFIT
+    scattered = scatter_not_explained(case, noises, channels, fitted.observations, fitted.emulators)
     beside = tuple(c for p in campaign.predicted for c in compared(p, _scatter(fitted), channels))
     made = Summary(
         name=case.name,
@@ -118,7 +120,7 @@ def summary(
         combinations=combinations(made),
         trade_offs=trade_offs(made),
         further=further(made, possible=possible),
-        warnings=[*warnings(made), *doubts, *_of_times(case, campaign.evaluations)],
+        warnings=[*warnings(made), *scattered, *doubts, *_of_times(case, campaign.evaluations)],
         check=check_in_words(made),
     )
     return replace(made, words=in_words(made))
