@@ -67,7 +67,8 @@ def exit_codes(command: Callable[..., None]) -> Callable[..., None]:
                 raise
             _stop(_about_file(error), 2)
         except KeyboardInterrupt:
-            _stop("interrupted; the run continues with --resume", 1)
+            goes_on = "; the run continues with --resume" if "resume" in kwargs else ""
+            _stop(f"interrupted{goes_on}", 1)
         except Exception as error:
             typer.echo(traceback.format_exc(), err=True, nl=False)
             _stop(

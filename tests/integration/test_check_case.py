@@ -133,3 +133,14 @@ def test_a_channel_in_another_unit_is_told_the_si_unit(
     its = checked(tmp_path, 'unit = "m"\n', f'unit = "{unit}"\n')
     assert its.exit_code == 2
     assert said in " ".join(its.output.split())
+
+
+def test_an_interrupted_check_speaks_of_no_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("mfopt.commands.check.check_case", interrupted)
+    its = checked(tmp_path, "", "")
+    assert (its.exit_code, its.stderr) == (1, "error: interrupted\n")
