@@ -87,7 +87,7 @@ def test_a_thread_of_the_function_does_not_keep_the_check_from_ending(tmp_path: 
 def test_runs_that_are_too_few_are_said(tmp_path: Path) -> None:
     more = "".join(f'[[recording]]\nname = "{k}"\nfiles = ["{k}.csv"]\n' for k in range(12))
     for k in range(12):
-        text = (BALLS / "table-tennis-1.csv").read_text().replace("1002.0", f"10{k:02d}.0")
+        text = (BALLS / "table-tennis-1.csv").read_text().replace("1002.0", f"10{k:02d}.5")
         (tmp_path / f"{k}.csv").write_text(text)
     its = checked(tmp_path, "# Two balls", f"{more}# Two balls")
     assert its.exit_code == 0, its.output
