@@ -10,6 +10,7 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 from scipy.optimize import minimize
@@ -33,7 +34,7 @@ from calibration.summary import compared
 from calibration.words import error_in_words
 from mfopt.arrays import Array, frozen
 from mfopt.errors import ConfigError, SimulationError
-from mfopt.records.calibration import Compared
+from mfopt.records.calibration import LEAST_SQUARES, Compared
 from mfopt.records.evaluation import Evaluation
 from mfopt.records.rig import Channel
 
@@ -225,3 +226,21 @@ def least_squares_summary(
         failed=sum(not outcome.finished for outcome in outcomes),
         cpu_s=sum(outcome.cpu_s for outcome in outcomes),
     )
+
+
+def read_least_squares(path: Path) -> LeastSquaresSummary:
+    """The fit that a run directory holds.
+
+    Raises:
+        ConfigError: if the file cannot be read.
+    """
+    try:
+        told = json.loads((path / LEAST_SQUARES).read_text())
+        return LeastSquaresSummary(
+            **{**told, "compared": tuple(Compared(**its) for its in told["compared"])}
+        )
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        raise ConfigError(
+            f"cannot read {path / LEAST_SQUARES}: {error}; mfopt calibrate CASE --method lbfgsb "
+            f"--directory {path} --resume writes it again"
+        ) from error

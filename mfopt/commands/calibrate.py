@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 RUNS = 200
 MOMENTS = 4  # at which the grains of the best fit are drawn
-RESULT = {"posterior": records.FILE, "lbfgsb": "least-squares.json"}
+RESULT = {"posterior": records.FILE, "lbfgsb": records.LEAST_SQUARES}
 WRITTEN = (records.FIT_COST, "material.toml", "report.html", "report.pdf")  # beside the result
 
 

@@ -12,6 +12,7 @@ from pydantic import TypeAdapter, ValidationError
 from mfopt.errors import ConfigError
 
 FILE = "calibration.json"  # in the run directory
+LEAST_SQUARES = "least-squares.json"  # the result of a fit without intervals
 FIT_COST = "fit-cost.json"  # beside it, because it differs whenever the same fit is made again
 
 UNLIKELY, LIKELY = 0.001, 0.99  # probabilities beyond are only said to be so

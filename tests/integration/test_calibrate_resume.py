@@ -131,6 +131,21 @@ def test_what_runs_depend_on_is_named_if_it_changed(
     assert "give another directory" in " ".join(refused.output.split())
 
 
+def test_status_prints_the_result_of_least_squares(done: Path, tmp_path: Path) -> None:
+    told, counted = (
+        CliRunner().invoke(app, ["status", str(done), *options]) for options in ([], ["--json"])
+    )
+    text = (done / "least-squares.json").read_text()
+    assert json.loads(counted.output) == json.loads(text)
+    drag = json.loads(text)["parameters"]["drag"]
+    assert told.output.startswith(f"drag = {drag:.3g}\n")
+    shutil.copytree(done, tmp_path / "run")
+    (tmp_path / "run" / "least-squares.json").write_text(text[:100])
+    damaged = CliRunner().invoke(app, ["status", str(tmp_path / "run")])
+    assert damaged.exit_code == 2
+    assert "cannot read" in damaged.output
+
+
 @pytest.mark.parametrize("name", ["program.py", "neighbour_of_balls.py"])
 def test_a_changed_program_is_named(
     tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
