@@ -10,6 +10,7 @@ from scipy.stats import chi2
 from calibration.campaign import Campaign, Fitted
 from calibration.durations import unlike_durations
 from calibration.emulator_check import check_emulators
+from calibration.missed import missed
 from calibration.observed import Observed
 from calibration.offsets import offsets
 from calibration.posterior import LEVEL, Posterior, prior_transform, to_unit
@@ -84,7 +85,11 @@ def summary(
     prior = _prior_draws(case)
     probability = float(chi2.sf(campaign.misfit, campaign.freedom))
     fits = probability >= MISFIT
-    scattered = scatter_not_explained(case, noises, channels, fitted.observations, fitted.emulators)
+    beyond = [
+        *scatter_not_explained(case, noises, channels, fitted.observations, fitted.emulators),
+        *doubts,
+        *_of_times(case, campaign.evaluations),
+    ]
     beside = tuple(c for p in campaign.predicted for c in compared(p, _scatter(fitted), channels))
     made = Summary(
         name=case.name,
@@ -120,7 +125,7 @@ def summary(
         combinations=combinations(made),
         trade_offs=trade_offs(made),
         further=further(made, possible=possible),
-        warnings=[*warnings(made), *scattered, *doubts, *_of_times(case, campaign.evaluations)],
+        warnings=[*missed(campaign, case, problem), *warnings(made), *beyond],
         check=check_in_words(made),
     )
     return replace(made, words=in_words(made))

@@ -24,6 +24,7 @@ NAMED = 0.2  # of the largest weight: smaller ones are left out of a combination
 MANY_FAILED = 0.2  # of the runs: more leave gaps in the ranges
 COARSE = 1.0  # error of an emulator over scatter and noise, from which more runs help
 SEPARATE = 0.25  # of an interval: wider gaps between draws do not come by chance
+FEWEST_VALUES = 30  # different draws of an interval
 HARDLY = 0.85  # of an interval: a recording that leaves more tells hardly anything
 # A correlation r leaves sqrt(1 - r^2) of an interval once the other parameter is known: here half.
 STRONG = math.sqrt(0.75)
@@ -120,7 +121,7 @@ def _separate_values(its: Summary) -> list[str]:
         if p.edge is not None:  # cut off there: gaps in what is left mean nothing
             continue
         within = column[(low <= column) & (column <= high)]
-        if len(within) < 2:
+        if len(np.unique(within)) < FEWEST_VALUES:  # gaps between so few mean nothing
             continue
         at = int(np.argmax(np.diff(within)))
         below, above = within[at : at + 2]

@@ -1,5 +1,6 @@
 """A calibration as a whole, on a simulator with a closed form."""
 
+import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
@@ -11,12 +12,13 @@ from calibration import campaign as whole
 from calibration.campaign import Campaign, calibrate, runs_of_each
 from calibration.left_out import fits_without
 from calibration.likelihood import likelihood, with_scores
+from calibration.missed import missed
 from calibration.offsets import offsets
 from calibration.parts import EVERY_PART, Parts
 from calibration.posterior import to_unit
 from calibration.recordings.case import Case, Known, Measurement, Parameter
 from calibration.recordings.noise import measurement_noise
-from calibration.recordings.records import Recording, Repeat, Series
+from calibration.recordings.records import Noise, Recording, Repeat, Series
 from calibration.runs import Evaluate
 from calibration.summary import cut_short, summary
 from mfopt.arrays import Array, frozen
@@ -66,9 +68,13 @@ def evaluate(candidates: Sequence[Candidate], case: Case) -> list[Evaluation]:
     return made
 
 
+def noises_of(case: Case) -> dict[str, Noise]:
+    known = case.measurement.of("level")
+    return {"level": measurement_noise(case.recordings, "level", known)}
+
+
 def campaign_of(case: Case, runs: int = 100) -> Campaign:
-    noises = {"level": measurement_noise(case.recordings, "level", case.measurement.of("level"))}
-    return calibrate(case, noises, lambda c: evaluate(c, case), runs)
+    return calibrate(case, noises_of(case), lambda c: evaluate(c, case), runs)
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -100,9 +106,21 @@ def test_the_truth_lies_in_the_intervals_and_these_are_narrow(
     assert held >= 4  # of 6, at 90 %
 
 
+def test_a_fit_says_that_it_missed_better_parameters(
+    truths: list[Array], campaigns: list[Campaign]
+) -> None:
+    case = case_of(truths[0], 1)
+    assert missed(campaigns[0], case, PROBLEM) == []
+    (line,) = missed(replace(campaigns[0], misfit=1e6), case, PROBLEM)
+    found = re.search(r"near rate = (\S+), sag = (\S+) have", line)
+    assert found is not None
+    assert np.allclose([float(found[1]), float(found[2])], truths[0], atol=0.05)
+
+
 def test_the_model_fits_and_predicts_what_was_held_out(campaigns: list[Campaign]) -> None:
     for campaign in campaigns:
-        its = summary(campaign, case_of(frozen([0.3, 0.05]), 1), PROBLEM, {}, Tank.channels)
+        case = case_of(frozen([0.3, 0.05]), 1)
+        its = summary(campaign, case, PROBLEM, noises_of(case), Tank.channels)
         assert its.probability > 0.01
         assert {c.recording for c in its.compared if c.held_out} == {"other"}
         assert max(c.error for c in its.compared) < 2.5

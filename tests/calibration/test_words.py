@@ -210,6 +210,12 @@ def test_a_wrong_model_gives_no_advice() -> None:
     assert "first make the simulation fit" in further(replace(its, fits=False))[0]
 
 
+def test_few_different_draws_make_no_separate_values() -> None:
+    draws = np.repeat([[-0.7], [0.1], [0.6], [0.7]], 125, axis=0).tolist()
+    its = summary(parameters=(found("swing", interval=(-0.7, 0.7)),), draws=draws)
+    assert warnings(its) == []
+
+
 def test_separate_values_of_a_parameter_are_named() -> None:
     # A parameter that enters as its square: nothing tells +0.7 from -0.7.
     rng = np.random.default_rng(1)
