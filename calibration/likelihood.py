@@ -33,7 +33,7 @@ LEAST = 1e-9  # [of a score's variance] added to the diagonal
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Group:
+class Group:
     """One recording, in scores."""
 
     emulator: SeriesEmulator
@@ -51,7 +51,7 @@ class _Group:
 class Likelihood:
     """Log density of all recordings at parameters in the unit cube."""
 
-    groups: tuple[_Group, ...]
+    groups: tuple[Group, ...]
     parts: Parts
 
     @property
@@ -119,7 +119,7 @@ class Likelihood:
         residual = np.concatenate(residuals)
         return float(residual @ np.linalg.solve(self._together(own), residual)), len(residual)
 
-    def _known(self, group: _Group, mean: Array) -> Array:
+    def _known(self, group: Group, mean: Array) -> Array:
         """Covariance (q, q) of one recording but for the emulator, at mean scores (k,)."""
         covariance = group.fixed.copy()
         if self.parts.clock:
@@ -162,7 +162,7 @@ def with_scores(its: Likelihood, scores: Array) -> Likelihood:
 
 def _group(
     seen: Observed, emulator: SeriesEmulator, parts: Parts, channels: Sequence[str]
-) -> _Group:
+) -> Group:
     slopes = _slopes(seen, emulator)
     basis = _basis(seen, emulator, slopes[-1:])
     k = len(emulator.components)
@@ -181,7 +181,7 @@ def _group(
         constant = basis @ (seen.constant / emulator.scale[:, None])
         fixed += constant @ constant.T
     back = (basis / emulator.scale).T  # (p, q)
-    return _Group(
+    return Group(
         emulator, frozen(basis),
         frozen(basis @ ((seen.values - emulator.mean) / emulator.scale)), frozen(fixed),
         frozen(basis @ (math.sqrt(SHARED) * waves / emulator.scale[:, None])),

@@ -6,7 +6,7 @@ times of the samples and averaged with the same weights: both are flattened alik
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,6 +50,7 @@ class Observed:
     constant: Array  # (p, r) factor of errors that are constant in a recording: zero and scale
     clock_error: float  # relative, 1 sd
     start_sd: float  # [s] 1 sd of where time 0 lies
+    each: Array | None = None  # (r, p) values of every repeat; None if some lack a channel
 
     @property
     def times(self) -> Array:
@@ -97,7 +98,7 @@ def observed(
     Raises:
         ConfigError: if recording and simulation have no time in common.
     """
-    blocks, means, covariances = [], [], []
+    blocks, means, covariances, each = [], [], [], []
     for channel in recording.channels:
         series = [r.series[channel] for r in recording.repeats if channel in r.series]
         times = points_in_time(recording, channel, end)
@@ -114,11 +115,14 @@ def observed(
         )
         means.append(weights @ values)
         covariances.append(np.sum(noise, axis=0))
+        parts = np.split(values, np.cumsum([len(at) for at in samples])[:-1])
+        each.append([len(series) * (a @ v) for a, v in zip(kept, parts, strict=True)])
     for name in recording.scalars:
         numbers = [r.scalars[name] for r in recording.repeats if name in r.scalars]
         sd = measurement.of(name).noise or 0.0
         blocks.append(Block(name, None))
         means.append(np.array([np.mean(numbers)]))
+        each.append([np.array([number]) for number in numbers])
         covariances.append(np.array([[sd**2 / len(numbers)]]))
     row = np.concatenate(means)
     return Observed(
@@ -130,7 +134,15 @@ def observed(
         constant=frozen(_constant(blocks, row, measurement)),
         clock_error=measurement.clock_error,
         start_sd=_start(recording.repeats, end),
+        each=_by_repeat(each, len(recording.repeats)),
     )
+
+
+def _by_repeat(parts: Sequence[Sequence[Array]], repeats: int) -> Array | None:
+    """Values (r, p) of every repeat, from those of each channel; None if some lack a channel."""
+    if any(len(its) != repeats for its in parts):
+        return None
+    return frozen([np.concatenate(row) for row in zip(*parts, strict=True)])
 
 
 def points_in_time(recording: Recording, channel: str, end: float) -> Array:

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Protocol
 
+from mfopt.records.effect import Effect
 from mfopt.records.level import Level
 from mfopt.records.rig import Channel, RigParameter
 
@@ -26,6 +27,14 @@ class Rig(Protocol):
     @property
     def possible(self) -> Mapping[str, Conditions]:
         """Conditions of further experiments that could be recorded, by what they are called."""
+
+    @property
+    def effects(self) -> Mapping[str, Effect]:
+        """What may be missing: effects that a run can switch on, by name.
+
+        Their parameters are parameters of the rig: `EFFECT`, or `EFFECT.PARAMETER` if there are
+        several.
+        """
 
     def parameter(self, name: str) -> RigParameter | None:
         """Range and unit of a parameter; None if the rig cannot know them.

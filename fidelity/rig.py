@@ -20,6 +20,7 @@ from fidelity.level import SceneLevel
 from fidelity.scene import PortionSettings, Scene, read_scene
 from mfopt.arrays import AnyArray, Array, frozen
 from mfopt.errors import ConfigError
+from mfopt.records.effect import Effect
 from mfopt.records.objective import Criteria
 from mfopt.records.outcome import Outcome
 from mfopt.records.rig import TIME, Channel, RigParameter
@@ -115,6 +116,19 @@ class SceneRig:
         if self.scene != HEAP:
             found["a heap"] = {SCENE: HEAP}
         return found
+
+    @property
+    def effects(self) -> Mapping[str, Effect]:
+        """All effects that the engine has, but for those of grains with another restitution.
+
+        That effect changes a number which every run has anyway.
+        """
+        family = self.engine.name.partition("-")[0]
+        return {
+            name: its.effect
+            for name, its in EFFECTS.items()
+            if family in its.engines and name not in PARAMETERS
+        }
 
     @property
     def channels(self) -> Mapping[str, Channel]:

@@ -37,22 +37,38 @@ class ScoreProcesses:
         The variance is at least that of the mean of all runs: a process that finds no influence of
         the parameters knows its mean no better.
         """
-        near = _kernel(z, self.z, self.signal, self.lengths)  # (k, m, n)
+        near = self._near(z)
         mean = self.mean + np.einsum("kmn,kn->mk", near, self.weights)
         explained = np.einsum("kmn,kmn->mk", near @ self.inverse, near)
-        return mean, np.maximum(self.signal - explained, self.noise / len(self.z))
+        return mean, np.maximum(self._variance(z) - explained, self.noise / len(self.z))
+
+    def mean_at(self, z: Array) -> Array:
+        """Mean (m, k) at points (m, d), as `predict` gives it, without the variance."""
+        return np.asarray(self.mean + np.einsum("kmn,kn->mk", self._near(z), self.weights))
 
     def covariance(self, z: Array) -> Array:
         """Covariance (k, m, m) of the noise-free scores between points (m, d).
 
         The diagonal is the variance of `predict`.
         """
-        near = _kernel(z, self.z, self.signal, self.lengths)  # (k, m, n)
+        near = self._near(z)
         explained = near @ self.inverse @ near.transpose(0, 2, 1)
-        covariance = _kernel(z, z, self.signal, self.lengths) - explained
+        covariance = self._between(z) - explained
         place = range(len(z))
         covariance[:, place, place] = self.predict(z)[1].T
         return np.asarray(covariance)
+
+    def _near(self, z: Array) -> Array:
+        """Covariance (k, m, n), before any run, of points (m, d) and runs."""
+        return _kernel(z, self.z, self.signal, self.lengths)
+
+    def _between(self, z: Array) -> Array:
+        """Covariance (k, m, m), before any run, of points (m, d)."""
+        return _kernel(z, z, self.signal, self.lengths)
+
+    def _variance(self, z: Array) -> Array:
+        """Variance (m, k), before any run, of points (m, d)."""
+        return np.tile(self.signal, (len(z), 1))
 
     def left_out(self, scores: Array) -> Array:
         """Predictions (n, k) of each run from all others.
@@ -126,3 +142,8 @@ def _kernel(a: Array, b: Array, signal: Array, lengths: Array) -> Array:
     )
     far = np.sqrt(5.0 * np.maximum(squared, 0.0))
     return np.asarray(signal[:, None, None] * (1.0 + far + far**2 / 3.0) * np.exp(-far))
+
+
+def correlation(a: Array, b: Array, lengths: Array) -> Array:
+    """Matern's correlations (k, m, n) of points (m, d) and (n, d)."""
+    return _kernel(a, b, np.ones(len(lengths)), lengths)

@@ -12,14 +12,15 @@ time, so that the mean has no jitter of single runs.
 Source: Higdon, Gattiker, Williams & Rightley 2008, doi:10.1198/016214507000000888.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from mfopt.arrays import Array, frozen
 from mfopt.errors import ConfigError
+from surrogates.effects import EffectProcesses, Runs, fit_effects
 from surrogates.scores import ScoreProcesses, fit_scores
 
 MOST_COMPONENTS = 14
@@ -70,6 +71,35 @@ def fit_series(z: Array, y: Array, blocks: Sequence[int]) -> SeriesEmulator:
     Raises:
         ConfigError: if there are fewer than 8 runs.
     """
+    return _learned(z, y, blocks, lambda scores: fit_scores(z, scores))
+
+
+def fit_effect_series(
+    runs: Runs, y: Array, blocks: Sequence[int], most: int = MOST_COMPONENTS
+) -> SeriesEmulator:
+    """Learn from runs (n, p) with effects; its `scores`, at most so many, are `EffectProcesses`.
+
+    Raises:
+        ConfigError: if there are fewer than 8 runs.
+    """
+    places = np.column_stack([runs.z, runs.effect, runs.strength])
+    return _learned(places, y, blocks, lambda scores: fit_effects(runs, scores), most)
+
+
+def with_effects(its: SeriesEmulator, effects: Sequence[int]) -> SeriesEmulator:
+    """The emulator of series with these effects; their strengths follow the base parameters."""
+    assert isinstance(its.scores, EffectProcesses)
+    return replace(its, scores=its.scores.having(effects))
+
+
+def _learned(
+    z: Array,
+    y: Array,
+    blocks: Sequence[int],
+    learn: Callable[[Array], ScoreProcesses],
+    most: int = MOST_COMPONENTS,
+) -> SeriesEmulator:
+    """An emulator of series (n, p) whose scores `learn` learns; z (n, ...) tells replicates."""
     if len(z) < FEWEST_RUNS:
         raise ConfigError(
             f"{len(z)} finished runs are too few to learn from; at least {FEWEST_RUNS} are needed: "
@@ -78,9 +108,9 @@ def fit_series(z: Array, y: Array, blocks: Sequence[int]) -> SeriesEmulator:
     mean = y.mean(axis=0)
     scale = _scales(y, blocks)
     standard = (y - mean) / scale
-    components = _components(standard, blocks)
+    components = _components(standard, blocks, most)
     scores = standard @ components.T
-    processes = fit_scores(z, scores)
+    processes = learn(scores)
     noise = _noise(z, scores, processes)
     beyond = standard - scores @ components
     return SeriesEmulator(
@@ -98,14 +128,14 @@ def _scales(y: Array, blocks: Sequence[int]) -> Array:
     return np.concatenate(scales)
 
 
-def _components(standard: Array, blocks: Sequence[int]) -> Array:
-    """Orthonormal rows (k, p), smooth over time; the mean alone if nothing varies."""
+def _components(standard: Array, blocks: Sequence[int], at_most: int) -> Array:
+    """At most so many orthonormal rows (k, p), smooth over time; one if nothing varies."""
     from sklearn.decomposition import PCA  # a second, which only this needs
 
     points = standard.shape[1]
     if not standard.any():
         return np.full((1, points), 1.0 / np.sqrt(points))
-    most = min(MOST_COMPONENTS, len(standard) - 1, points)
+    most = min(at_most, len(standard) - 1, points)
     pca = PCA(n_components=most, svd_solver="full").fit(standard)
     explained = np.cumsum(pca.explained_variance_ratio_)
     kept = pca.components_[: 1 + int(np.searchsorted(explained, EXPLAINED))].copy()

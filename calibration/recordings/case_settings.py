@@ -11,12 +11,14 @@ from calibration.recordings.header import Layout
 from mfopt.errors import ConfigError
 from mfopt.files.toml_text import toml_tables, toml_text
 from mfopt.limits import Bound, FileName, Name, Seed, Word
+from mfopt.records.effect import Effect, EffectParameter
 from mfopt.records.problem import LARGEST_BOUND
 from mfopt.settings import Settings, checked
 
 MOST_RECORDINGS = 1000
 MOST_REPEATS = 1000
 MOST_POSSIBLE = 20
+MOST_EFFECTS = 30
 NARROWEST_RANGE = 1e-9  # of the larger bound: below, numbers round to the bounds
 NARROWEST_PRIOR, WIDEST_PRIOR = 1e-6, 1e6  # [of the range] 1 sd
 
@@ -97,6 +99,30 @@ class ParameterSettings(Settings):
         """The record."""
         mean, sd = self.prior.normal if self.prior else (None, None)
         return Parameter(name, *self.range, mean, sd, unit=self.unit)
+
+
+class EffectSettings(Settings):
+    """A parameter of the user's program that switches on what may be missing."""
+
+    range: tuple[Bound, Bound] = Field(strict=False)
+    null: float = 0.0  # where the effect is absent
+    unit: Name = "-"
+    meaning: str = ""
+
+    @model_validator(mode="after")
+    def _around_null(self) -> "EffectSettings":
+        low, high = self.range
+        if not low <= self.null <= high or low >= high:
+            raise ValueError(
+                f"range = [{low:g}, {high:g}] must go from a smaller to a larger value and hold "
+                f"null = {self.null:g}, at which the effect is absent; widen it, or give null"
+            )
+        return self
+
+    def named(self, name: str) -> Effect:
+        """The record."""
+        its = EffectParameter(self.null, *self.range, self.unit, self.meaning or name)
+        return Effect(name, {name: its}, "apparatus", "", "the case file")
 
 
 class KnownSettings(Settings):
@@ -228,6 +254,17 @@ class CaseSettings(Settings):
     csv: CsvSettings = CsvSettings()
     recording: list[RecordingSettings] = Field(min_length=1, max_length=MOST_RECORDINGS)
     possible: list[PossibleSettings] = Field(default_factory=list, max_length=MOST_POSSIBLE)
+    effects: dict[Name, EffectSettings] = Field(default_factory=dict, max_length=MOST_EFFECTS)
+
+    @model_validator(mode="after")
+    def _no_parameters(self) -> "CaseSettings":
+        both = sorted({*self.effects} & {*self.parameters})
+        if both:
+            raise ValueError(
+                f"effects: {', '.join(both)} is among the parameters too; what is always there is "
+                "a parameter, what may be missing is an effect"
+            )
+        return self
 
     @model_validator(mode="after")
     def _named_apart(self) -> "CaseSettings":

@@ -15,7 +15,7 @@ import sys
 import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from time import process_time
@@ -30,6 +30,7 @@ from fidelity.programs.printed import captured
 from mfopt.arrays import AnyArray, Array, frozen
 from mfopt.checks import shown
 from mfopt.errors import ConfigError
+from mfopt.records.effect import Effect
 from mfopt.records.level import Level
 from mfopt.records.outcome import Outcome, Status
 from mfopt.records.rig import TIME, Channel, RigParameter
@@ -47,6 +48,7 @@ class ProgramRig:
     command: tuple[str, ...] = ()  # to be run; empty: there is a function
     function: tuple[str, str] = ("", "")  # file and name
     time_limit_s: float = 3600.0
+    effects: Mapping[str, Effect] = field(default_factory=dict)  # which the user names
 
     @property
     def unsure(self) -> Mapping[str, tuple[float, float]]:

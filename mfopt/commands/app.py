@@ -7,6 +7,7 @@ import typer
 
 from mfopt.commands.calibrate import calibrate
 from mfopt.commands.check import check
+from mfopt.commands.diagnose import diagnose
 from mfopt.commands.evaluate import evaluate
 from mfopt.commands.geometry import geometry
 from mfopt.commands.init import init
@@ -39,5 +40,5 @@ def main(
     """Find the best design of a granular machine with few simulation runs."""
 
 
-for function in (init, check, run, status, report, evaluate, geometry, ladder, calibrate):
+for function in (init, check, run, status, report, evaluate, geometry, ladder, calibrate, diagnose):
     app.command()(exit_codes(function))

@@ -11,15 +11,18 @@ from mfopt.files.whole import full_disk_named
 from mfopt.records.view import DesignView
 from mfopt.study.assemble import drawn
 from mfopt.study.file import Study
-from mfopt.study.stored import holds_calibration, open_stored
+from mfopt.study.stored import CALIBRATE, DIAGNOSE, kind_of_run, open_stored
 
 
 def report(path: RunPath, quiet: Quiet = False) -> None:
     """Write report.html and report.pdf of a finished, running or broken-off run."""
     on = console(quiet=quiet)
     with full_disk_named(path):
-        if holds_calibration(path):
+        kind = kind_of_run(path)
+        if kind == CALIBRATE:
             write_calibration_pages(open_run(path), on)
+        elif kind == DIAGNOSE:
+            write_diagnosis_pages(open_run(path), on)
         else:
             write_reports(*open_stored(path), on)
 
@@ -48,6 +51,16 @@ def write_calibration_pages(run: RunDirectory, on: Console) -> None:
 
     pages = _pages(run)
     write_calibration_report(run, **pages)
+    for page in pages.values():
+        on.print(f"wrote {page}")
+
+
+def write_diagnosis_pages(run: RunDirectory, on: Console) -> None:
+    """Write the reports of a diagnosis that has ended."""
+    from reports.diagnosis import write_diagnosis_report
+
+    pages = _pages(run)
+    write_diagnosis_report(run, **pages)
     for page in pages.values():
         on.print(f"wrote {page}")
 

@@ -1,6 +1,7 @@
 """`mfopt status`: how far a run has come and what it has found."""
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 import typer
@@ -8,49 +9,49 @@ from rich.console import Console
 
 from mfopt.campaign.store import open_run
 from mfopt.commands.shared import AsJson, RunPath, screen
-from mfopt.records.calibration import FILE, LEAST_SQUARES, read_summary
-from mfopt.records.calibration import as_json as calibration_as_json
-from mfopt.study.stored import holds_calibration, open_stored
+from mfopt.records import calibration, diagnosis
+from mfopt.study.stored import CALIBRATE, DIAGNOSE, RESULTS, kind_of_run, open_stored
 
 
 def status(path: RunPath, as_json: AsJson = False) -> None:
     """Say how far a run has come and what it has found."""
-    if holds_calibration(path) and (path / LEAST_SQUARES).exists():
-        _print_least_squares(path, as_json=as_json)
-    elif holds_calibration(path) and not (path / FILE).exists():
-        _print_progress(path, as_json=as_json)
-    elif holds_calibration(path):
-        found = read_summary(path)
-        if as_json:
-            typer.echo(calibration_as_json(found))
-        else:
-            screen.print("\n".join(found.words))
+    kind = kind_of_run(path)
+    if kind == CALIBRATE and (path / calibration.LEAST_SQUARES).exists():
+        from calibration.least_squares import read_least_squares  # half a second
+
+        fit = read_least_squares(path)
+        _print(fit.in_words, fit.as_json, as_json=as_json)
+    elif kind == CALIBRATE and (path / calibration.FILE).exists():
+        found = calibration.read_summary(path)
+        _print(found.words, calibration.as_json(found), as_json=as_json)
+    elif kind == DIAGNOSE and (path / diagnosis.FILE).exists():
+        its = diagnosis.read_diagnosis(path)
+        _print(its.words, diagnosis.as_json(its), as_json=as_json)
+    elif kind in RESULTS:
+        _print_progress(path, kind, as_json=as_json)
     else:
         print_result(path, screen, as_json=as_json)
 
 
-def _print_least_squares(path: Path, *, as_json: bool) -> None:
-    """The result of a fit by least squares."""
-    from calibration.least_squares import read_least_squares  # half a second
-
-    found = read_least_squares(path)
+def _print(words: Sequence[str], text: str, *, as_json: bool) -> None:
     if as_json:
-        typer.echo(found.as_json)
+        typer.echo(text)
     else:
-        screen.print("\n".join(found.in_words))
+        screen.print("\n".join(words))
 
 
-def _print_progress(path: Path, *, as_json: bool) -> None:
-    """How many simulations of a calibration are made."""
+def _print_progress(path: Path, kind: str, *, as_json: bool) -> None:
+    """How many simulations of a calibration or diagnosis are made."""
     run = open_run(path)
-    made, planned = len(run), run.header["settings"]["runs"]
+    made, planned = len(run), run.header["settings"].get("runs")
     failed = sum(not evaluation.outcome.finished for evaluation in run.evaluations())
     if as_json:
         typer.echo(json.dumps({"runs": made, "planned": planned, "failed": failed}, indent=2))
     else:
+        of = "" if planned is None else f" of {planned}"
         screen.print(
-            f"{made} of {planned} simulations are made, {failed} failed; there is no result yet. "
-            "A calibration that was stopped goes on with mfopt calibrate CASE --directory "
+            f"{made}{of} simulations are made, {failed} failed; there is no result yet. "
+            f"A {RESULTS[kind]} that was stopped goes on with mfopt {kind} CASE --directory "
             f"{path} --resume"
         )
 

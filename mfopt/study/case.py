@@ -22,6 +22,7 @@ from mfopt.arrays import frozen
 from mfopt.errors import ConfigError, InvalidDesign
 from mfopt.files.array_file import digest
 from mfopt.limits import Name, TimeLimit, Word
+from mfopt.records.effect import Effect
 from mfopt.records.level import Ladder, Level
 from mfopt.records.objective import Criteria, Objective
 from mfopt.records.outcome import why_not_a_name
@@ -71,7 +72,8 @@ def assemble_case(path: Path) -> AssembledCase:
     """
     settings, text = read_case_settings(path)
     chosen = {str(r.conditions[SCENE]) for r in settings.recording if SCENE in r.conditions}
-    rig = _rig(settings.rig, path, chosen)
+    effects = {name: its.named(name) for name, its in settings.effects.items()}
+    rig = _rig(settings.rig, path, chosen, effects)
     case = complete_case(settings, path, rig.channels)
     case = replace(case, parameters=_parameters(case, rig, path))
     names = tuple(p.name for p in case.parameters)
@@ -181,14 +183,21 @@ class ProgramRigSettings(Settings):
         return channels
 
 
-def _rig(table: Mapping[str, Any], path: Path, chosen: set[str]) -> Rig:
+def _rig(
+    table: Mapping[str, Any], path: Path, chosen: set[str], effects: Mapping[str, Effect]
+) -> Rig:
     """The simulator that a case names; `chosen` are the scenes that its recordings choose.
 
     Raises:
         ConfigError: if the table is wrong, or the simulator is missing.
     """
     if "command" in table or "function" in table:
-        return _program(table, path)
+        return replace(_program(table, path), effects=effects)
+    if effects:
+        raise ConfigError(
+            f"{path}: effects: those of a scene are built in; leave the table out, or give a "
+            "simulator of your own (rig.function or rig.command)"
+        )
     return _scenes({**{name: {} for name in SCENES if name in chosen}, **table}, str(path))
 
 

@@ -11,15 +11,17 @@ from mfopt.study.material import with_material
 from mfopt.study.material_file import material_of_tables
 
 CALIBRATE = "calibrate"  # the method of a run directory that holds a calibration
+DIAGNOSE = "diagnose"  # that of one which holds a diagnosis, or the library of its rig
+RESULTS = {CALIBRATE: "calibration", DIAGNOSE: "diagnosis"}  # what they hold
 
 
-def holds_calibration(path: Path) -> bool:
-    """Whether the run directory is one of a calibration.
+def kind_of_run(path: Path) -> str:
+    """The method of a run directory: of a search, `CALIBRATE` or `DIAGNOSE`.
 
     Raises:
         ConfigError: if there is no run, or it is of another format.
     """
-    return bool(read_header(path / "run.json")["method"] == CALIBRATE)
+    return str(read_header(path / "run.json")["method"])
 
 
 def open_stored(path: Path) -> tuple[RunDirectory, Study | None]:
@@ -30,10 +32,10 @@ def open_stored(path: Path) -> tuple[RunDirectory, Study | None]:
             there is damaged, or its study is.
     """
     run = open_run(path)
-    if run.header["method"] == CALIBRATE:
+    if (what := RESULTS.get(run.header["method"])) is not None:
         raise ConfigError(
-            f"{path} holds a calibration, not a study; its result is in {path}/calibration.json, "
-            f"and mfopt status {path} prints it"
+            f"{path} holds a {what}, not a study; its result is in {path}/{what}.json, and mfopt "
+            f"status {path} prints it"
         )
     text = run.study()
     if not text:

@@ -1,0 +1,1 @@
+"""Cases whose missing effect is concealed: made, diagnosed, and only then revealed."""

@@ -1,0 +1,154 @@
+"""What is said of recordings: nothing is missing, a name, a set of names, or something unknown.
+
+A name needs a probability of 0.8, a fit that leaves nothing unexplained, and no recording that
+speaks against it: left out of the fit, each must be predicted about as well with the effect as
+without. It must also beat clearly all effects that are of one class with it. What fails this
+becomes a set of at most three, or stays unknown.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy.stats import chi2
+
+from calibration.diagnosis.compare import Compared
+from calibration.diagnosis.joint import Hypothesis, Joint, Suspect
+from calibration.diagnosis.nulls import Mismatch
+from calibration.diagnosis.weigh import weigh_nothing, weigh_one
+
+ALARM = 0.05  # p-value of a mismatch
+NAMED = 0.8  # probability of a name
+SET = 0.9  # of a set
+MOST = 3  # effects in a set
+UNEXPLAINED = 1e-3  # p-value of the misfit that is left
+CLEARLY = 8.0  # log evidence by which an effect must beat another one of its class
+AGAINST = -3.0  # log predictive density with the effect less without, of a vote against it
+
+Kind = Literal["nothing", "named", "set", "unknown"]
+
+
+@dataclass(frozen=True, slots=True)
+class Vote:
+    """How well a recording is predicted from the others with an effect."""
+
+    effect: str
+    recording: str
+    gain: float  # log predictive density with the effect less that without
+
+    @property
+    def against(self) -> bool:
+        """Whether the recording speaks against the effect."""
+        return self.gain < AGAINST
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What is said, and why not more."""
+
+    kind: Kind
+    effects: tuple[str, ...]  # the names, or those of the set
+    probability: float  # of what is said
+    unexplained: float  # p-value of the misfit that the likeliest hypothesis leaves
+    votes: tuple[Vote, ...]
+    why: str  # no name is given; empty if one is
+
+
+def judged(
+    joint: Joint,
+    recordings: Sequence[str],
+    compared: Compared,
+    test: Mismatch,
+    classes: Sequence[Sequence[str]],
+    seed: int,
+) -> Verdict:
+    """Judge recordings.
+
+    Args:
+        joint: all of them.
+        recordings: their names, in that order.
+        compared: all hypotheses.
+        test: whether there is a mismatch.
+        classes: effects that the recordings cannot tell apart.
+        seed: of the draws.
+    """
+    best = compared.best
+    freedom = max(1, len(joint.scores) - len(best.best))
+    left = float(chi2.sf(best.misfit, freedom))
+    if test.probability > ALARM:
+        return Verdict("nothing", (), 1.0 - test.probability, left, (), "")
+    else_p = compared.probability(lambda which: which.other)
+    likely = sorted(
+        {s.name: s for w in compared.weighed for s in w.which.suspects}.values(),
+        key=lambda s: -compared.of(s.name),
+    )
+    if left < UNEXPLAINED or else_p > 1.0 - NAMED:
+        why = (
+            "every known effect leaves a part unexplained"
+            if left < UNEXPLAINED
+            else f"something that is no known effect has a probability of {else_p:.2f}"
+        )
+        return Verdict("unknown", (), else_p, left, (), why)
+    named = [s for s in likely if compared.of(s.name) >= NAMED]
+    votes = tuple(v for s in named for v in voted(joint, recordings, s, seed))
+    names = tuple(s.name for s in named)
+    if len(named) == 1 and (rivals := _close_rivals(compared, names[0], classes)):
+        names = (names[0], *rivals)
+        p = compared.probability(lambda w: any(s.name in names for s in w.suspects))
+        return Verdict("set", names, p, left, votes, "these recordings hardly tell them apart")
+    if named and not any(v.against for v in votes):
+        return Verdict("named", names, min(map(compared.of, names)), left, votes, "")
+    return _set(compared, likely, left, votes)
+
+
+def _close_rivals(
+    compared: Compared, name: str, classes: Sequence[Sequence[str]]
+) -> tuple[str, ...]:
+    """Effects of the same class that the recordings do not clearly refuse, the likeliest first."""
+    mates = {other for its in classes if name in its for other in its} - {name}
+    alone = {
+        w.which.suspects[0].name: w.log_evidence
+        for w in compared.weighed
+        if len(w.which.suspects) == 1 and not w.which.other
+    }
+    close = [mate for mate in mates if alone[name] - alone[mate] < CLEARLY]
+    return tuple(sorted(close, key=lambda mate: -alone[mate])[: MOST - 1])
+
+
+def _set(
+    compared: Compared, likely: Sequence[Suspect], left: float, votes: tuple[Vote, ...]
+) -> Verdict:
+    """The smallest set that is likely enough, or none."""
+    against = sorted({v.recording for v in votes if v.against})
+    why = f"{' and '.join(against)} speaks against the likeliest" if against else ""
+    for size in range(1 + (not against), MOST + 1):
+        names = tuple(s.name for s in likely[:size])
+        p = compared.probability(lambda w, n=names: any(s.name in n for s in w.suspects))  # type: ignore[misc]
+        if p >= SET:
+            return Verdict(
+                "set", names, p, left, votes, why or "the recordings do not tell them apart"
+            )
+    return Verdict(
+        "unknown", (), float(np.max(compared.probabilities)), left, votes,
+        why or f"more than {MOST} effects are possible",
+    )  # fmt: skip
+
+
+def voted(joint: Joint, recordings: Sequence[str], effect: Suspect, seed: int) -> list[Vote]:
+    """The vote of each recording, predicted from all others; none where there is one only."""
+    which = Hypothesis((effect,))
+
+    def evidences(its: Joint) -> float:
+        dimensions = its.likelihood.groups[0].emulator.scores.z.shape[1]
+        nothing = weigh_nothing(its, dimensions, seed)
+        return weigh_one(its, which, nothing.best, seed).log_evidence - nothing.log_evidence
+
+    count = len(recordings)
+    if count < 2:
+        return []
+    every = evidences(joint)
+    return [
+        Vote(effect.name, name, every - evidences(joint.of([i for i in range(count) if i != out])))
+        for out, name in enumerate(recordings)
+    ]
