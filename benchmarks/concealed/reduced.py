@@ -26,12 +26,12 @@ from typing import Any
 import numpy as np
 
 from benchmarks import lines
+from benchmarks.concealed.distance import distance as largest
+from benchmarks.concealed.found import line_of
 from benchmarks.concealed.models import MODELS, Model
 from benchmarks.concealed.score import report
-from calibration.diagnosis.climb import climb
-from calibration.diagnosis.diagnose import Examined, beside, examine, joined
-from calibration.diagnosis.joint import NOTHING, Joint
-from calibration.diagnosis.where import in_points
+from calibration.diagnosis.diagnose import beside, examine, joined
+from calibration.diagnosis.joint import Joint
 from calibration.observed import Observed
 from calibration.runs import seeing
 from mfopt.arrays import Array, frozen
@@ -119,22 +119,8 @@ def one(which: tuple[int, int]) -> dict[str, Any]:
         )  # fmt: skip
     return {
         "seed": seed, "case": number, "model": model.name, "kind": kind, "truth": truth,
-        "distance": distance(its, base | truth), **_line(found),
+        "distance": distance(its, base | truth), **line_of(found),
         "cpu_s": round(time.process_time() - begun, 2),
-    }  # fmt: skip
-
-
-def _line(found: Examined) -> dict[str, Any]:
-    """What was found, for the store."""
-    verdict, compared = found.verdict, found.compared
-    names = {s.name for w in compared.weighed for s in w.which.suspects}
-    return {
-        "verdict": verdict.kind, "effects": list(verdict.effects), "why": verdict.why,
-        "probability": round(verdict.probability, 4), "mismatch": round(found.test.probability, 5),
-        "unexplained": verdict.unexplained,
-        "best": compared.best.which.name, "best_p": round(float(compared.probabilities.max()), 4),
-        "of": {n: round(compared.of(n), 4) for n in sorted(names) if compared.of(n) > 0.01},
-        "held_out": [[h.before, h.after, h.decoy, h.discrepancy] for h in found.held_out][-1],
     }  # fmt: skip
 
 
@@ -173,22 +159,7 @@ def distance(its: Prepared, values: Values) -> float:
         conditions = its.model.experiments[seen.name]
         runs = [its.model.run(values, conditions, seed) for seed in MIRRORED]
         rows.append(seen.row({k: np.mean([r[k] for r in runs], axis=0) for k in runs[0]}))
-    groups = its.joint.likelihood.groups
-    scores = np.concatenate(
-        [
-            (row - g.emulator.mean) / g.emulator.scale @ g.basis.T
-            for row, g in zip(rows, groups, strict=True)
-        ]
-    )
-    d = len(its.model.parameters)
-    refitted = climb(its.joint, NOTHING, scores, np.full((1, d), 0.5)).points
-    fitted = np.split(
-        its.joint.means(NOTHING, refitted)[0], np.cumsum([len(g.scores) for g in groups])[:-1]
-    )
-    return max(
-        float(np.max(np.abs(row - g.emulator.mean - in_points(g, mean)) / sd))
-        for row, g, mean, sd in zip(rows, groups, fitted, its.joint.deviations, strict=True)
-    )
+    return largest(its.joint, rows, len(its.model.parameters))
 
 
 MIRRORED = range(40)  # seeds over which a run is averaged: the scatter falls to a sixth

@@ -90,7 +90,7 @@ def diagnose(
     see, own = seeing(case, noises), list[Evaluation]()
     names = [recording.name for recording in case.fitted]
     for _ in range(ROUNDS):
-        seen, emulators = _learned(case, library, experiments, see, (*made, *own))
+        seen, emulators = learned_from(case, library, experiments, see, (*made, *own))
         measuring, whole = joined(case, seen, emulators, channels)
         joint = whole.of(range(len(names)))
         compared = compare(joint, suspected(library, measuring), len(case.parameters), case.seed)
@@ -99,7 +99,7 @@ def diagnose(
             break
         own += evaluate(asked)
     else:
-        seen, emulators = _learned(case, library, experiments, see, (*made, *own))
+        seen, emulators = learned_from(case, library, experiments, see, (*made, *own))
     found = examine(case, library, seen, emulators, channels)
     return Diagnosis(
         found,
@@ -108,7 +108,7 @@ def diagnose(
     )
 
 
-def _learned(
+def learned_from(
     case: Case,
     library: Library,
     experiments: Mapping[str, str],
