@@ -70,10 +70,7 @@ def _as_measured(
             elif kind == "clock_offset":
                 at = at + size * end
             elif kind == "smoothing":
-                even = np.linspace(0.0, end, len(fine))
-                width = size * end / (even[1] - even[0])
-                smooth = gaussian_filter1d(np.interp(even, fine, values), width, mode="nearest")
-                values = np.interp(fine, even, smooth)
+                values = _smoothed(fine, values, size * end)
         series = np.interp(at, fine, values)
         for its, size in sizes:
             if its.name == "length_scale" and channel in LENGTHS:
@@ -82,6 +79,15 @@ def _as_measured(
                 series = series + size * float(np.ptp(values))
         made[channel] = series
     return made
+
+
+def _smoothed(times: Array, values: Array, width: float) -> Array:
+    """Values averaged over time with the standard deviation `width` [s]; they end straight on."""
+    even = np.linspace(0.0, times[-1], len(times))
+    beyond = len(even) - 1
+    longer = np.pad(np.interp(even, times, values), beyond, mode="reflect", reflect_type="odd")
+    smooth = gaussian_filter1d(longer, width / even[1])[beyond:-beyond]
+    return np.interp(times, even, smooth)
 
 
 def _noise(rng: np.random.Generator, count: int, sd: float) -> Array:
