@@ -87,7 +87,7 @@ def _smoothed(times: Array, values: Array, width: float) -> Array:
     beyond = len(even) - 1
     longer = np.pad(np.interp(even, times, values), beyond, mode="reflect", reflect_type="odd")
     smooth = gaussian_filter1d(longer, width / even[1])[beyond:-beyond]
-    return np.interp(times, even, smooth)
+    return np.asarray(np.interp(times, even, smooth))
 
 
 def _noise(rng: np.random.Generator, count: int, sd: float) -> Array:
