@@ -7,7 +7,7 @@ of each repeat; the second is how these trends differ.
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -60,8 +60,8 @@ def measurement_noise(recordings: Sequence[Recording], channel: str, known: Know
     Args:
         recordings: in which the channel may be.
         channel: name.
-        known: what the case file says; a stated noise is taken as it is, and so is the offset,
-            which is no noise.
+        known: what the case file says. A stated noise is taken as it is, unless repeats show more;
+            the offset is no noise.
 
     Raises:
         ConfigError: if no recording has the channel, or all have fewer than 8 samples and no noise
@@ -69,25 +69,48 @@ def measurement_noise(recordings: Sequence[Recording], channel: str, known: Know
     """
     models = [_model(group, quantum) for group, quantum in _groups(recordings, channel)]
     if known.noise is not None:
-        tau = _best_tau(models)[0] if models else 0.0
-        return Noise(channel, known.noise, tau, (known.noise, known.noise), "stated")
+        return _at_least(known.noise, channel, models)
     if not models:
         raise ConfigError(
             f"no recording has {FEWEST} samples of {channel} in motion, so its noise "
             f"cannot be found; state noise in [measurement.{channel}]"
         )
-    repeated = [model for model in models if len(model.group.times) > 1]
-    used = repeated or models
-    tau, fits = _best_tau(used)
-    floor = max(model.quantum for model in used) / math.sqrt(12.0)
-    sigma = max(_sigma(fits), floor)
-    low, high = (max(end, floor) for end in _interval(used, tau))
+    repeated = _repeated(models)
+    found = _found(channel, repeated or models)
     if repeated:
-        count = sum(len(model.group.times) for model in used)
-        return Noise(channel, sigma, tau, (low, high), f"from {count} repeats")
+        return found
     rough, coarse = _bounds(models)
+    floor, (low, high) = _floor(models), found.sigma_range
     bounds = (max(min(low, rough), floor), max(high, coarse))
-    return Noise(channel, sigma, tau, bounds, "bounded from one recording")
+    return replace(found, sigma_range=bounds, found="bounded from one recording")
+
+
+def _at_least(stated: float, channel: str, models: Sequence[_Model]) -> Noise:
+    """The stated noise, or that of the repeats if it is larger beyond doubt."""
+    if repeated := _repeated(models):
+        found = _found(channel, repeated)
+        if found.sigma_range[0] > stated:
+            return replace(found, found=f"{found.found}, more than the {stated:g} stated")
+    tau = _best_tau(models)[0] if models else 0.0
+    return Noise(channel, stated, tau, (stated, stated), "stated")
+
+
+def _repeated(models: Sequence[_Model]) -> list[_Model]:
+    return [model for model in models if len(model.group.times) > 1]
+
+
+def _found(channel: str, models: Sequence[_Model]) -> Noise:
+    """The noise around the trends, with its 90 % interval."""
+    tau, fits = _best_tau(models)
+    floor = _floor(models)
+    low, high = (max(end, floor) for end in _interval(models, tau))
+    count = sum(len(model.group.times) for model in models)
+    return Noise(channel, max(_sigma(fits), floor), tau, (low, high), f"from {count} repeats")
+
+
+def _floor(models: Sequence[_Model]) -> float:
+    """Noise of rounding."""
+    return max(model.quantum for model in models) / math.sqrt(12.0)
 
 
 def noise_of_sums(noise: Noise, times: Array, weights: Array) -> Array:

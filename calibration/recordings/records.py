@@ -77,4 +77,4 @@ class Noise:
     sigma: float  # 1 sd, in the channel's unit
     autocorrelation_time: float  # [s]; 0: independent from sample to sample
     sigma_range: tuple[float, float]  # 90 % interval, or bounds if found from one recording
-    found: str  # "from 3 repeats", "bounded from one recording", "stated"
+    found: str  # "from 3 repeats", also "... more than the 0.1 stated"; "bounded ..."; "stated"

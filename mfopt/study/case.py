@@ -61,7 +61,7 @@ class AssembledCase:
     text: str  # of the case file
     meaning: Mapping[str, Any]  # what runs depend on beside conditions and ranges; `fit`: the rest
     conditions: Mapping[str, Conditions]  # of each recording and further experiment, by its name
-    doubts: tuple[str, ...]  # why simulations may be wrong, in words
+    doubts: tuple[str, ...]  # why simulations may be wrong, or what is stated, in words
 
 
 def assemble_case(path: Path) -> AssembledCase:
@@ -89,9 +89,11 @@ def assemble_case(path: Path) -> AssembledCase:
     channels = sorted({c for recording in case.recordings for c in recording.channels})
     noises = {c: measurement_noise(case.recordings, c, case.measurement.of(c)) for c in channels}
     meaning = {**_meaning(path, case, rig), "fit": _fit(path, settings)}
-    doubts = tuple(f"{r.name}: {why}" for r in case.recordings for why in rig.doubts(r.conditions))
+    doubts = [f"{r.name}: {why}" for r in case.recordings for why in rig.doubts(r.conditions)]
+    overruled = (n for n in noises.values() if n.found.endswith(" stated"))
+    doubts += [f"{n.channel}: the noise is taken {n.found}" for n in overruled]
     return AssembledCase(
-        case, rig, problem, ladder, further, noises, text, meaning, conditions, doubts
+        case, rig, problem, ladder, further, noises, text, meaning, conditions, tuple(doubts)
     )
 
 

@@ -145,6 +145,18 @@ def test_stated_noise_is_taken() -> None:
     assert (noise.sigma, noise.sigma_range, noise.found) == (1e-3, (1e-3, 1e-3), "stated")
 
 
+def test_repeats_that_show_more_noise_than_stated_count() -> None:
+    repeats = tuple(recording(1, seed).repeats[0] for seed in range(3))
+    its = [Recording("run", {}, repeats)]
+    found = measurement_noise(its, "level", UNKNOWN)
+    low, high = found.sigma_range
+    less = measurement_noise(its, "level", Known(noise=0.5 * low))
+    assert (less.sigma, less.sigma_range) == (found.sigma, found.sigma_range)
+    assert less.found == f"from 3 repeats, more than the {0.5 * low:g} stated"
+    for stated in (found.sigma, 2.0 * high):
+        assert measurement_noise(its, "level", Known(noise=stated)).found == "stated"
+
+
 def test_too_few_samples_ask_for_a_stated_noise() -> None:
     short = Series("level", np.arange(5.0), np.arange(5.0), 0.0, np.zeros(5, bool))
     its = [Recording("run", {}, (Repeat("a", {"level": short}),))]
