@@ -2,11 +2,13 @@
 
 import os
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.console import Console
 
 from mfopt.arrays import frozen
 from mfopt.campaign.begin import begin
@@ -66,7 +68,7 @@ def diagnose(
     from calibration.recordings.notes import notes_by_files
     from fidelity.engines.numba import prepare
     from fidelity.rig import SceneRig
-    from mfopt.study.case import COMPARED, assemble_case  # half a second, which only this needs
+    from mfopt.study.case import assemble_case  # half a second, which only this needs
     from mfopt.study.material_file import material_text
     from mfopt.study.rig_library import assemble_library, rig_digest
 
@@ -86,19 +88,9 @@ def diagnose(
     with full_disk_named(path), writing(path), writing(beside):
         if isinstance(parts.rig, SceneRig):
             prepare(lambda: on.print("compiling the grain engine, once: about 30 s"))
-        own = begin(
-            path, parts.text, _header(parts, shared, count), resume=resume, criteria=COMPARED
-        )
-        kept = begin(
-            beside, parts.text, _library_header(shared, beside.name, count),
-            resume=True, criteria=COMPARED,
-        )  # fmt: skip
+        own, kept = _begun(path, beside, parts, shared, count, resume=resume)
         on.print(f"simulations of this rig are kept in {beside}")
-        if own.end is None:
-            for name in (records.FILE, *WRITTEN):
-                (path / name).unlink(missing_ok=True)
-        runner = Runner(local_processes(count))
-        try:
+        with closing(Runner(local_processes(count))) as runner:
             with counting(on, each * len(shared.conditions), hidden=quiet or as_json) as made:
                 making = _Making(shared, runner, count, made.one)
                 planned = shared.library.planned(list(shared.conditions), each)
@@ -108,12 +100,8 @@ def diagnose(
             on.print("comparing what may be missing")
             result = _found(parts, shared, learned, making.into(own))
             material = _material(result, parts, shared)
-            if study is not None and material is not None:
-                result = _with_consequence(result, study, material, runner)
-            elif study is not None:
-                on.print(f"{study} is not run again: no change of the grains was named")
-        finally:
-            runner.close()
+            if study is not None:
+                result = _with_consequence(result, study, material, runner, on)
         if own.end is None:
             own.add_end("all planned runs are made")
         write_aside(path / records.FILE, records.as_json(result).encode())
@@ -125,6 +113,24 @@ def diagnose(
         typer.echo(records.as_json(result))
     else:
         on.print("\n".join(result.words))
+
+
+def _begun(
+    path: Path, beside: Path, parts: "AssembledCase", shared: "AssembledLibrary", workers: int,
+    *, resume: bool,
+) -> tuple[RunDirectory, RunDirectory]:  # fmt: skip
+    """The run directories of the case and of the library, new or gone on with."""
+    from mfopt.study.case import COMPARED
+
+    own = begin(path, parts.text, _header(parts, shared, workers), resume=resume, criteria=COMPARED)
+    kept = begin(
+        beside, parts.text, _library_header(shared, beside.name, workers),
+        resume=True, criteria=COMPARED,
+    )  # fmt: skip
+    if own.end is None:  # what is there is of other recordings
+        for name in (records.FILE, *WRITTEN):
+            (path / name).unlink(missing_ok=True)
+    return own, kept
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,12 +188,19 @@ def _material(
 
 
 def _with_consequence(
-    found: records.Diagnosis, study: Path, material: "MaterialSettings", runner: Runner
+    found: records.Diagnosis,
+    study: Path,
+    material: "MaterialSettings | None",
+    runner: Runner,
+    on: Console,
 ) -> records.Diagnosis:
-    """The diagnosis with what it changes for a study."""
+    """The diagnosis with what it changes for a study; as it was if no grains were changed."""
     from calibration.diagnosis.words import in_words
     from mfopt.study.rerun import planned, rerun
 
+    if material is None:
+        on.print(f"{study} is not run again: no change of the grains was named")
+        return found
     its = planned(study, material)
     made = replace(found, consequence=rerun(its, lambda *given: list(runner.run(*given))))
     return replace(made, words=in_words(made))
