@@ -1,6 +1,7 @@
 """Names and units in text that can be shown on every screen and in every report."""
 
 import unicodedata
+from collections.abc import Sequence
 
 LONGEST = 100  # characters; more breaks every table
 HIDDEN = ("Cc", "Cs", "Zl", "Zp")  # control characters, lone surrogates, breaks of line, paragraph
@@ -61,3 +62,8 @@ def with_unit(value: float | str, unit: str) -> str:
     """A number, or its text, with its unit; a pure number, whose unit is "-", stands alone."""
     text = value if isinstance(value, str) else f"{value:g}"
     return text if unit == "-" else f"{text} {unit}"
+
+
+def listed(names: Sequence[str], last: str = "and") -> str:
+    """Names in a row: a, b and c."""
+    return f" {last} ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))

@@ -170,8 +170,8 @@ def recorded_text(
     """The text of a CSV file: a run with the errors of a camera and a ruler."""
     times = np.arange(0.0, its["time"][-1], 1.0 / RATE)
     true = {c: np.interp(times, its["time"], its[c]) for c in CHANNELS}
-    level = true["level"] + zero + _noise(rng, len(times), LEVEL_NOISE)
-    fraction = true["discharged_fraction"] + _noise(rng, len(times), FRACTION_NOISE)
+    level = true["level"] + zero + correlated_noise(rng, len(times), LEVEL_NOISE)
+    fraction = true["discharged_fraction"] + correlated_noise(rng, len(times), FRACTION_NOISE)
     rows = [
         f"{t:.5f}, {1e3 * h:.2f}, {f:.4f}"
         for t, h, f in zip(times * (1.0 + clock), level, fraction, strict=True)
@@ -179,7 +179,7 @@ def recorded_text(
     return "\n".join(["time [s], level [mm], discharged_fraction [-]", *rows]) + "\n"
 
 
-def _noise(rng: np.random.Generator, count: int, sd: float) -> Array:
+def correlated_noise(rng: np.random.Generator, count: int, sd: float) -> Array:
     """Noise (count,) that is correlated from frame to frame."""
     drawn = rng.normal(0.0, sd, count)
     for i in range(1, count):
@@ -204,15 +204,15 @@ def case_head(name: str, ranges: Mapping[str, tuple[float, float]]) -> list[str]
     return [
         f'[case]\nname = "{name}"\nseed = 1',
         '[rig]\nscene = "discharge"',
-        _table("rig.discharge", HOPPER),
-        _table("rig.grains", GRAINS),
-        _table("rig.level", {"spheres_per_grain": 1, "young_modulus_pa": STATED}),
+        table("rig.discharge", HOPPER),
+        table("rig.grains", GRAINS),
+        table("rig.level", {"spheres_per_grain": 1, "young_modulus_pa": STATED}),
         *(f'[parameters."{its}"]\nrange = [{low}, {high}]' for its, (low, high) in ranges.items()),
         f'[measurement.level]\nunit = "mm"\noffset = {1e3 * ZERO}',
     ]
 
 
-def _table(name: str, content: Mapping[str, float]) -> str:
+def table(name: str, content: Mapping[str, float]) -> str:
     return "\n".join([f"[{name}]", *(f"{key} = {value}" for key, value in content.items())])
 
 

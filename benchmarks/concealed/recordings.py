@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
+from benchmarks.calibration.experiments import correlated_noise
 from benchmarks.concealed.rigs import CHANNELS, CLOCK, SETTINGS, ZERO, file_of
 from calibration.diagnosis.measuring import MeasuringEffect, measuring_effects
 from mfopt.arrays import Array
@@ -19,7 +20,6 @@ RATE = 60.0  # [1/s] pictures
 NOISE = {"discharged_fraction": 4e-3, "level_left": 4e-4, "level_right": 4e-4}  # 1 sd
 STEPS = {"discharged_fraction": 2e-3, "level_left": 2e-4, "level_right": 2e-4}  # of values
 DECIMALS = {"discharged_fraction": 3, "level_left": 4, "level_right": 4}
-CORRELATION = 0.5  # of the noise from picture to picture
 LENGTHS = ("level_left", "level_right")
 UNITS = {"discharged_fraction": "-", "level_left": "m", "level_right": "m"}
 
@@ -48,7 +48,7 @@ def recorded(
             seen = _as_measured(times * (1.0 + clock), raw, sizes)
             for channel in CHANNELS:
                 noisy = seen[channel] + zeros.get(channel, 0.0)
-                noisy = noisy + _noise(rng, len(times), NOISE[channel])
+                noisy = noisy + correlated_noise(rng, len(times), NOISE[channel])
                 seen[channel] = np.round(noisy / STEPS[channel]) * STEPS[channel]
             files[file_of(setting, repeat)] = _text(times, seen)
     return files
@@ -88,13 +88,6 @@ def _smoothed(times: Array, values: Array, width: float) -> Array:
     longer = np.pad(np.interp(even, times, values), beyond, mode="reflect", reflect_type="odd")
     smooth = gaussian_filter1d(longer, width / even[1])[beyond:-beyond]
     return np.asarray(np.interp(times, even, smooth))
-
-
-def _noise(rng: np.random.Generator, count: int, sd: float) -> Array:
-    drawn = rng.normal(0.0, sd, count)
-    for i in range(1, count):
-        drawn[i] = CORRELATION * drawn[i - 1] + (1.0 - CORRELATION**2) ** 0.5 * drawn[i]
-    return np.asarray(drawn)
 
 
 def _text(times: Array, seen: Mapping[str, Array]) -> str:

@@ -10,7 +10,6 @@ or 7 if the effect can reach that.
 """
 
 import argparse
-import math
 import secrets
 import sys
 import tempfile
@@ -26,6 +25,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks import lines
+from benchmarks.calibration.experiments import correlated_noise
 from benchmarks.concealed.distance import distance as largest
 from benchmarks.concealed.found import line_of
 from benchmarks.concealed.models import MODELS, Model
@@ -34,7 +34,7 @@ from calibration.diagnosis.diagnose import beside, examine, joined
 from calibration.diagnosis.joint import Joint
 from calibration.observed import Observed
 from calibration.runs import seeing
-from mfopt.arrays import Array, frozen
+from mfopt.arrays import frozen
 from mfopt.records.evaluation import Evaluation
 from mfopt.records.outcome import Outcome
 from mfopt.study.case import AssembledCase, assemble_case
@@ -50,7 +50,6 @@ SCHEDULE = (
     "single", "pair", "null", "single", "single", "outside", "null", "single", "misjudged",
     "single", "null", "single", "pair",
 )  # fmt: skip
-CORRELATION = 0.5  # of the noise from sample to sample
 STEPS = 4.0  # of quantised values in a standard deviation of the noise
 UNDERSTATED = 0.5  # noise that a case states over the true one, where it is misjudged
 REPEATS = 2
@@ -249,18 +248,11 @@ def _recorded(
     times = np.arange(0.0, raw["time"][-1] + 1e-9, 1.0 / model.rate)
     columns = [times]
     for channel, (_, _, sd) in model.channels.items():
-        noisy = np.interp(times, raw["time"], raw[channel]) + _noise(rng, len(times), sd)
+        noisy = np.interp(times, raw["time"], raw[channel]) + correlated_noise(rng, len(times), sd)
         columns.append(np.round(noisy * STEPS / sd) * sd / STEPS)
     head = ",".join(["time [s]", *(f"{c} [{unit}]" for c, (unit, _, _) in model.channels.items())])
     rows = [",".join(f"{v:.9g}" for v in row) for row in np.array(columns).T]
     return "\n".join([head, *rows]) + "\n"
-
-
-def _noise(rng: np.random.Generator, count: int, sd: float) -> Array:
-    drawn_ = rng.normal(0.0, sd, count)
-    for i in range(1, count):
-        drawn_[i] = CORRELATION * drawn_[i - 1] + math.sqrt(1.0 - CORRELATION**2) * drawn_[i]
-    return np.asarray(drawn_)
 
 
 if __name__ == "__main__":

@@ -5,8 +5,8 @@ each, and one recording that is held out.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
+from benchmarks.calibration.experiments import Setting, table
 from benchmarks.engine.scenes import engine_named
 from fidelity.engine import Engine
 from fidelity.rig import SceneRig
@@ -23,16 +23,6 @@ RIGS: Mapping[str, Mapping[str, float]] = {
     "wedge": {**BOX, "floor_angle_deg": 35.0},
 }
 CLOCK, ZERO = 2e-3, 5e-4  # 1 sd of the clock and of the ruler [m], as a case states them
-
-
-@dataclass(frozen=True, slots=True)
-class Setting:
-    """One recording of every case."""
-
-    name: str
-    conditions: Mapping[str, float]
-    repeats: int
-    held_out: bool = False
 
 
 SETTINGS = (
@@ -62,9 +52,9 @@ def case_text(case: str, name: str, noises: Mapping[str, float]) -> str:
     parts = [
         f'[case]\nname = "{case}"\nseed = 1',
         f'[rig]\nscene = "discharge"\nstiffness_factor = {STIFFNESS}',
-        _table("rig.discharge", RIGS[name]),
-        _table("rig.grains", GRAINS),
-        _table("rig.level", {"spheres_per_grain": 1, "young_modulus_pa": STATED}),
+        table("rig.discharge", RIGS[name]),
+        table("rig.grains", GRAINS),
+        table("rig.level", {"spheres_per_grain": 1, "young_modulus_pa": STATED}),
         *(
             f"[parameters.{its}]\nrange = [{low}, {high}]"
             for its, (low, high) in PARAMETERS.items()
@@ -74,7 +64,7 @@ def case_text(case: str, name: str, noises: Mapping[str, float]) -> str:
     for channel in CHANNELS:
         known = {"offset": ZERO} if channel.startswith("level") else {}
         known |= {"noise": noises[channel]} if channel in noises else {}
-        parts += [_table(f"measurement.{channel}", known)] if known else []
+        parts += [table(f"measurement.{channel}", known)] if known else []
     for its in SETTINGS:
         files = [file_of(its, repeat) for repeat in range(its.repeats)]
         conditions = ", ".join(f"{k} = {v}" for k, v in its.conditions.items())
@@ -88,7 +78,3 @@ def case_text(case: str, name: str, noises: Mapping[str, float]) -> str:
 def file_of(setting: Setting, repeat: int) -> str:
     """Name of the file of a repeat."""
     return f"{setting.name}-{repeat + 1}.csv"
-
-
-def _table(name: str, content: Mapping[str, float]) -> str:
-    return "\n".join([f"[{name}]", *(f"{key} = {value}" for key, value in content.items())])

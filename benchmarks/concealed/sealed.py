@@ -29,11 +29,12 @@ from benchmarks import lines
 from benchmarks.concealed.found import line_of
 from benchmarks.concealed.learned import WORK, learned, written
 from benchmarks.concealed.recordings import NOISE, recorded
-from benchmarks.concealed.rigs import RIGS
+from benchmarks.concealed.rigs import CHANNELS, RIGS
 from benchmarks.concealed.score import report
 from benchmarks.concealed.truth import BLOCK, Truth, drawn_block
 from benchmarks.concealed.yade_runs import runs_of
 from calibration.diagnosis.diagnose import examine, learned_from
+from calibration.diagnosis.measuring import measuring_effects
 from calibration.runs import seeing
 from mfopt.study.case import assemble_case
 
@@ -51,7 +52,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
                      ("reveal", _reveal)):  # fmt: skip
         its = commands.add_parser(name)
         its.add_argument("batch", type=int)
-        its.add_argument("--blocks", type=int, default=1, help=f"of {len(BLOCK)} cases")
+        if do is _draw:
+            its.add_argument("--blocks", type=int, default=1, help=f"of {len(BLOCK)} cases")
         its.add_argument("--jobs", type=int, default=2)
         its.add_argument("--work", type=Path, default=WORK)
         its.set_defaults(do=do)
@@ -94,7 +96,7 @@ def _record(given: argparse.Namespace) -> None:
     there = {line["case"] for _, line in lines.read(file)}
     waiting = [t for t in _sealed(given) if t.case not in there]
     with ProcessPoolExecutor(given.jobs, mp_context=get_context("spawn")) as pool:
-        for truth, (runs, cpu_s) in zip(waiting, pool.map(_runs, waiting), strict=True):
+        for truth, (runs, cpu_s) in zip(waiting, pool.map(runs_of, waiting), strict=True):
             files = {} if runs is None else recorded(runs, measured(truth), truth.seed)
             noises = {} if truth.noise == 1.0 else {c: truth.noise * sd for c, sd in NOISE.items()}
             line = {"case": truth.case, "rig": truth.rig, "noises": noises, "files": files}
@@ -102,14 +104,10 @@ def _record(given: argparse.Namespace) -> None:
             print(truth.case, truth.rig, f"{cpu_s:.0f} s", "" if files else "failed", flush=True)
 
 
-def _runs(truth: Truth) -> tuple[Any, float]:
-    return runs_of(truth)
-
-
 def measured(truth: Truth) -> dict[str, float]:
     """Strengths of the effects of measuring of a case."""
-    its = {s.name: s for s in learned(truth.rig, WORK).suspects}
-    return {name: s for name, s in truth.strengths.items() if its[name].measuring}
+    names = {its.name for its in measuring_effects(CHANNELS, True)}
+    return {name: s for name, s in truth.strengths.items() if name in names}
 
 
 def _diagnose(given: argparse.Namespace) -> None:
@@ -158,8 +156,7 @@ def _reveal(given: argparse.Namespace) -> None:
 
 
 def _report(given: argparse.Namespace) -> None:
-    given.batch = OPEN if given.open else OPEN + 1
-    print("\n".join(report(list(_judged(_results(given))))))
+    print("\n".join(report(list(_judged(given.work if given.open else RESULTS)))))
 
 
 def _judged(folder: Path) -> Iterator[dict[str, Any]]:

@@ -1,6 +1,7 @@
 """What a diagnosis found, in words: the answer first, one sentence or two a line."""
 
-from mfopt.names import with_unit
+from calibration.words import MISFIT
+from mfopt.names import listed, with_unit
 from mfopt.records.calibration import chance
 from mfopt.records.diagnosis import Diagnosis, Place, Suspected
 
@@ -72,7 +73,7 @@ def where(its: Diagnosis) -> list[str]:
         return ["No single place stands out: the mismatch shows in all recordings together"]
     lines = [f"Where: {'; '.join(map(place_in_words, clear[:PLACES]))}"]
     if its.rest is not None:
-        fits = "fits" if its.rest >= 0.01 else "does not fit either"
+        fits = "fits" if its.rest >= MISFIT else "does not fit either"
         lines.append(
             f"All that lies outside of these {len(clear)} places, fitted alone, {fits} "
             f"(probability of a larger misfit {chance(its.rest)})"
@@ -142,10 +143,3 @@ def so_what(its: Diagnosis) -> list[str]:
         return [*lines, f"Design {found.best_before} remains the best of them"]
     lost = "" if found.lost is None else f", by {with_unit(f'{found.lost:.3g}', found.unit)}"
     return [*lines, f"Design {found.best_after} is better than {found.best_before} now{lost}"]
-
-
-def listed(names: tuple[str, ...] | list[str], last: str = "and") -> str:
-    """Names in a row."""
-    if len(names) < 2:
-        return "".join(names)
-    return f"{', '.join(names[:-1])} {last} {names[-1]}"

@@ -96,7 +96,7 @@ def calibrate(
             into.add_end("all planned runs are made")
         write_aside(path / RESULT[method], result.encode())
         if found is not None:
-            words.append(f"emulators and posterior: {fit_cpu_s:.0f} s of CPU")
+            words = [*words, f"emulators and posterior: {fit_cpu_s:.0f} s of CPU"]
             write_aside(path / records.FIT_COST, records.fit_cost_as_json(fit_cpu_s).encode())
             _write_material(parts, found, path, on)
             _draw_best_fits(parts, found, path)

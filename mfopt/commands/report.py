@@ -1,6 +1,7 @@
 """`mfopt report`: the HTML and PDF pages of a run directory."""
 
-from pathlib import Path
+from collections.abc import Callable
+from functools import partial
 
 from rich.console import Console
 
@@ -39,31 +40,26 @@ def write_reports(run: RunDirectory, study: Study | None, on: Console) -> None:
         scene, dem = seen
         return scene.view(x, dem)
 
-    pages = _pages(run)
-    write_report(run, describe=describe, **pages)
-    for page in pages.values():
-        on.print(f"wrote {page}")
+    _write(partial(write_report, describe=describe), run, on)
 
 
 def write_calibration_pages(run: RunDirectory, on: Console) -> None:
     """Write the reports of a calibration that has ended."""
     from reports.calibration import write_calibration_report
 
-    pages = _pages(run)
-    write_calibration_report(run, **pages)
-    for page in pages.values():
-        on.print(f"wrote {page}")
+    _write(write_calibration_report, run, on)
 
 
 def write_diagnosis_pages(run: RunDirectory, on: Console) -> None:
     """Write the reports of a diagnosis that has ended."""
     from reports.diagnosis import write_diagnosis_report
 
-    pages = _pages(run)
-    write_diagnosis_report(run, **pages)
+    _write(write_diagnosis_report, run, on)
+
+
+def _write(report_of: Callable[..., None], run: RunDirectory, on: Console) -> None:
+    """Write the pages of a run, and say so."""
+    pages = {"html": run.path / "report.html", "pdf": run.path / "report.pdf"}
+    report_of(run, **pages)
     for page in pages.values():
         on.print(f"wrote {page}")
-
-
-def _pages(run: RunDirectory) -> dict[str, Path]:
-    return {"html": run.path / "report.html", "pdf": run.path / "report.pdf"}

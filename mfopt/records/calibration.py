@@ -7,9 +7,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from pydantic import TypeAdapter, ValidationError
-
-from mfopt.errors import ConfigError
+from mfopt.files.result_file import read_result
 
 FILE = "calibration.json"  # in the run directory
 LEAST_SQUARES = "least-squares.json"  # the result of a fit without intervals
@@ -211,20 +209,6 @@ def read_summary(directory: Path) -> Summary:
     Raises:
         ConfigError: if there is none, or the file is damaged.
     """
-    path = directory / FILE
     again = f"mfopt calibrate CASE --directory {directory} --resume writes it"
-    try:
-        text = path.read_bytes()
-    except FileNotFoundError as error:
-        raise ConfigError(
-            f"there is no {path}: the calibration has not ended, or is one by least squares; "
-            f"without --method {again}"
-        ) from error
-    try:
-        return TypeAdapter(Summary).validate_json(text)
-    except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(map(str, first["loc"]))
-        raise ConfigError(
-            f"{path} is damaged{place and f' at {place}'}: {first['msg']}; {again}"
-        ) from error
+    missing = f"the calibration has not ended, or is one by least squares; without --method {again}"
+    return read_result(directory / FILE, Summary, missing=missing, again=again)

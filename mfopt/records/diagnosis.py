@@ -5,9 +5,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Literal
 
-from pydantic import TypeAdapter, ValidationError
-
-from mfopt.errors import ConfigError
+from mfopt.files.result_file import read_result
 
 FILE = "diagnosis.json"  # in the run directory
 
@@ -182,15 +180,6 @@ def read_diagnosis(directory: Path) -> Diagnosis:
     Raises:
         ConfigError: if there is none, or the file is damaged.
     """
-    path = directory / FILE
     again = f"mfopt diagnose CASE --directory {directory} --resume writes it"
-    try:
-        return TypeAdapter(Diagnosis).validate_json(path.read_bytes())
-    except FileNotFoundError as error:
-        raise ConfigError(f"there is no {path}: the diagnosis has not ended; {again}") from error
-    except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(map(str, first["loc"]))
-        raise ConfigError(
-            f"{path} is damaged{place and f' at {place}'}: {first['msg']}; {again}"
-        ) from error
+    missing = f"the diagnosis has not ended; {again}"
+    return read_result(directory / FILE, Diagnosis, missing=missing, again=again)

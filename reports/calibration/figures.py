@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
+from mfopt.names import listed
 from mfopt.records.calibration import Compared, Summary
 from reports.calibration import charts
-from reports.calibration.sentences import listed
 from reports.calibration.units import words
 from reports.figures import Figure
 

@@ -7,6 +7,7 @@ from mfopt.records.calibration import Summary, read_fit_cost
 from reports import campaign
 from reports.calibration import sentences, tables
 from reports.calibration.figures import figures
+from reports.origin import origin
 from reports.plain import plain, readable, readable_run
 from reports.rows import read_rows
 
@@ -43,7 +44,7 @@ def context(given: RunDirectory, found: Summary) -> dict[str, Any]:
         "fit_cost": _fit_cost(run),
         "failures": campaign.failures(rows),
         "figures": figures(its, run.path),
-        "facts": _facts(run),
+        "facts": origin(run, "calibration"),
         "case": plain(run.study()),
     }
 
@@ -72,15 +73,3 @@ def _fit_cost(run: RunDirectory) -> str:
     """What the fit itself cost, in a sentence; empty where nobody measured it."""
     cpu_s = read_fit_cost(run.path)
     return "" if cpu_s is None else f"Emulators and posterior took {campaign.hours(cpu_s)}."
-
-
-def _facts(run: RunDirectory) -> list[tuple[str, str]]:
-    header = run.header
-    return [
-        ("mfopt", str(header["mfopt_version"])),
-        *((program, str(version)) for program, version in (header.get("versions") or {}).items()),
-        ("platform", str(header["platform"])),
-        ("started", str(header["created"])),
-        ("workers", str(header["workers"])),
-        ("seed of the calibration", str(header["seed"])),
-    ]

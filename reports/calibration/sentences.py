@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from mfopt.names import listed
 from mfopt.records.calibration import Compared, Found, Summary, chance
 from reports.calibration.units import powers, resolved, with_unit
 from reports.units import MINUS, number
@@ -100,8 +101,3 @@ def typeset(line: str) -> str:
     """A line of the words of a calibration as a sentence of a page."""
     signs = line.replace(" - ", f" {MINUS} ").replace("(correlation -", f"(correlation {MINUS}")
     return powers(signs).replace(" %", "\u202f%") + "."
-
-
-def listed(names: Sequence[str]) -> str:
-    """Names in a row: a, b and c."""
-    return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))

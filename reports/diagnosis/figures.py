@@ -1,7 +1,7 @@
 """The figures of a diagnosis' report with their words, made once for HTML and PDF."""
 
+from mfopt.names import listed
 from mfopt.records.diagnosis import Diagnosis
-from reports.calibration.sentences import listed
 from reports.calibration.units import words
 from reports.diagnosis import charts
 from reports.figures import Figure

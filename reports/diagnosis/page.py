@@ -10,6 +10,7 @@ from reports.calibration.units import words
 from reports.campaign import hours
 from reports.diagnosis import tables
 from reports.diagnosis.figures import figures
+from reports.origin import origin
 from reports.plain import plain, readable, readable_run
 
 KINDS = {
@@ -38,7 +39,7 @@ def context(given: RunDirectory, found: Diagnosis) -> dict[str, Any]:
         "faint": [words(s.name) for s in its.suspects if s.faint],
         "figures": figures(its),
         "cost": lines[-1],
-        "facts": _facts(run),
+        "facts": origin(run, "diagnosis"),
         "case": plain(run.study()),
     }
 
@@ -65,15 +66,3 @@ def cards(its: Diagnosis) -> list[tuple[str, str, str]]:
     failed = f"{its.failed} failed" if its.failed else "none failed"
     made.append(("cost", f"{runs} runs", f"{hours(its.cpu_s)}, {failed}"))
     return made
-
-
-def _facts(run: RunDirectory) -> list[tuple[str, str]]:
-    header = run.header
-    return [
-        ("mfopt", str(header["mfopt_version"])),
-        *((program, str(version)) for program, version in (header.get("versions") or {}).items()),
-        ("platform", str(header["platform"])),
-        ("started", str(header["created"])),
-        ("workers", str(header["workers"])),
-        ("seed of the diagnosis", str(header["seed"])),
-    ]

@@ -2,7 +2,7 @@
 
 import pytest
 
-from mfopt.names import file_name, shown, with_unit, word
+from mfopt.names import file_name, listed, shown, with_unit, word
 
 
 @pytest.mark.parametrize("name", ["dem-300", "[/]", "$\\foo$", "größe", "長さ", "a b", "π"])
@@ -33,3 +33,8 @@ def test_a_word_of_a_command_may_hold_anything_but_a_zero_byte() -> None:
 def test_a_number_or_its_text_stands_before_the_unit_and_a_pure_number_alone() -> None:
     assert with_unit(0.25, "m") == with_unit("0.25", "m") == "0.25 m"
     assert with_unit(0.25, "-") == with_unit("0.25", "-") == "0.25"
+
+
+def test_names_in_a_row() -> None:
+    assert [listed("abc"[:n]) for n in range(4)] == ["", "a", "a and b", "a, b and c"]
+    assert listed(("a", "b"), "or") == "a or b"
