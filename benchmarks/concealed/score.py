@@ -1,5 +1,6 @@
 """How often a missing effect was named rightly, named wrongly, or left open."""
 
+import itertools
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -57,8 +58,8 @@ def alarm(its: Line) -> bool:
 
 
 def named(its: Line) -> bool:
-    """A name was given."""
-    return bool(its["verdict"] == "named")
+    """A name was given, of all that is missing or of its main part."""
+    return its["verdict"] == "named" or (its["verdict"] == "partly" and len(its["effects"]) == 1)
 
 
 def quiet(its: Line) -> bool:
@@ -83,7 +84,9 @@ def both(its: Line) -> bool:
 
 def in_set(its: Line) -> bool:
     """The truth, or a part of it, was named or is in the set."""
-    return its["verdict"] in ("named", "set") and bool(set(its["effects"]) & set(its["truth"]))
+    return its["verdict"] in ("named", "set", "partly") and bool(
+        set(its["effects"]) & set(its["truth"])
+    )
 
 
 def wrong(its: Line) -> bool:
@@ -94,11 +97,15 @@ def wrong(its: Line) -> bool:
 def ece(made: Sequence[Line]) -> float:
     """Expected calibration error of the likeliest hypothesis, in four bins of equal count."""
     p = np.array([m["best_p"] for m in made])
-    ok = np.array([_names(m["best"]) == set(m["truth"]) for m in made], dtype=float)
+    ok = np.array([m["best"] in _answers(m) for m in made], dtype=float)
     order = np.argsort(p)
     parts = np.array_split(order, ECE_BINS)
     return float(sum(len(i) / len(p) * abs(p[i].mean() - ok[i].mean()) for i in parts if len(i)))
 
 
-def _names(best: str) -> set[str]:
-    return set() if best == "nothing" else set(best.split(" + "))
+def _answers(its: Line) -> set[str]:
+    """Names of hypotheses that are right."""
+    if its["kind"] == "outside":
+        return {"other"}
+    names = sorted(its["truth"]) or ["nothing"]
+    return {" + ".join(order) for order in itertools.permutations(names)}

@@ -50,24 +50,31 @@ class MeasuringEffect:
 def measuring_effects(channels: Sequence[str], lengths: bool) -> tuple[MeasuringEffect, ...]:
     """All of them, for recordings with these channels; `lengths`: whether some are lengths."""
     scale = MeasuringEffect(
-        "length_scale", True, FULL, "-", "lengths are recorded too long by a share of"
+        "length_scale",
+        True,
+        FULL,
+        "-",
+        "share by which lengths are recorded too long (negative: too short)",
     )
     return (
-        MeasuringEffect("clock_rate", True, FULL, "-", "the clock is slow by a share of"),
         MeasuringEffect(
-            "clock_offset", True, FULL, "of the duration", "time 0 lies too late by"
+            "clock_rate", True, FULL, "-", "share by which the clock is slow (negative: fast)"
+        ),
+        MeasuringEffect(
+            "clock_offset", True, FULL, "of the duration",
+            "time by which the recorded zero is late (negative: early)",
         ),
         *([scale] if lengths else []),
         *(
             MeasuringEffect(
                 f"sensor_bias.{channel}", True, FULL, "of the range",
-                f"{channel} is recorded too high by", channel,
+                f"by how much {channel} is recorded too high (negative: too low)", channel,
             )
             for channel in channels
         ),
         MeasuringEffect(
             "smoothing", False, WIDEST, "of the duration",
-            "series are averaged over time with a standard deviation of",
+            "standard deviation over which series are averaged in time",
         ),
     )  # fmt: skip
 

@@ -37,6 +37,7 @@ def summary(
         effects=verdict.effects,
         probability=verdict.probability,
         why=verdict.why,
+        explained=verdict.explained,
         mismatch=found.test.probability,
         gain=found.test.gain,
         gain_at_5=found.test.gain_at_5,

@@ -1,9 +1,10 @@
-"""What is said of recordings: nothing is missing, a name, a set of names, or something unknown.
+"""What is said of recordings: nothing is missing, a name, a set, a main part, something unknown.
 
 A name needs a probability of 0.8, a fit that leaves nothing unexplained, and no recording that
 speaks against it: left out of the fit, each must be predicted about as well with the effect as
-without. It must also beat clearly all effects that are of one class with it. What fails this
-becomes a set of at most three, or stays unknown.
+without. It must also beat clearly all effects that are of one class with it; where no second
+recording can confirm it, the whole class is named. What fails this becomes a set of at most three,
+or stays unknown. Where no known effect fits, those that explain most of it are told.
 """
 
 from collections.abc import Sequence
@@ -17,6 +18,7 @@ from calibration.diagnosis.compare import Compared
 from calibration.diagnosis.joint import Hypothesis, Joint, Suspect
 from calibration.diagnosis.nulls import Mismatch
 from calibration.diagnosis.weigh import weigh_nothing, weigh_one
+from mfopt.names import listed
 
 ALARM = 0.05  # p-value of a mismatch
 NAMED = 0.8  # probability of a name
@@ -26,7 +28,9 @@ UNEXPLAINED = 1e-3  # p-value of the misfit that is left
 CLEARLY = 8.0  # log evidence by which an effect must beat another one of its class
 AGAINST = -3.0  # log predictive density with the effect less without, of a vote against it
 
-Kind = Literal["nothing", "named", "set", "unknown"]
+MAINLY = 0.9  # share of the misfit beyond chance that an effect takes away, to be told as a part
+
+Kind = Literal["nothing", "named", "set", "partly", "unknown"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +57,7 @@ class Verdict:
     unexplained: float  # p-value of the misfit that the likeliest hypothesis leaves
     votes: tuple[Vote, ...]
     why: str  # no name is given; empty if one is
+    explained: float | None = None  # share of the misfit beyond chance, of effects that are a part
 
 
 def judged(
@@ -89,49 +94,76 @@ def judged(
             if left < UNEXPLAINED
             else f"something that is no known effect has a probability of {else_p:.2f}"
         )
-        return Verdict("unknown", (), else_p, left, (), why)
+        return _part(compared, len(joint.scores), else_p, left, why)
     named = [s for s in likely if compared.of(s.name) >= NAMED]
     votes = tuple(v for s in named for v in voted(joint, recordings, s, seed))
     names = tuple(s.name for s in named)
-    if len(named) == 1 and (rivals := _close_rivals(compared, names[0], classes)):
-        names = (names[0], *rivals)
+    doubt = _doubt(recordings, votes)
+    if len(named) == 1 and (mates := _mates(compared, names[0], classes, clear=not doubt)):
+        names = (names[0], *mates)
         p = compared.probability(lambda w: any(s.name in names for s in w.suspects))
-        return Verdict("set", names, p, left, votes, "these recordings hardly tell them apart")
+        why = doubt or "these recordings hardly tell them apart"
+        return Verdict("set", names, p, left, votes, why)
     if named and not any(v.against for v in votes):
         return Verdict("named", names, min(map(compared.of, names)), left, votes, "")
-    return _set(compared, likely, left, votes)
+    return _set(compared, likely, left, votes, doubt)
 
 
-def _close_rivals(
-    compared: Compared, name: str, classes: Sequence[Sequence[str]]
+def _part(compared: Compared, scores: int, else_p: float, left: float, why: str) -> Verdict:
+    """Effects each of which explains nearly all of a mismatch that no known effect explains."""
+    chance = scores - len(compared.nothing.best)
+    whole = compared.nothing.misfit - chance
+    found = {
+        w.which.suspects[0].name: 1.0 - max(w.misfit - chance, 0.0) / whole
+        for w in compared.explained
+        if len(w.which.suspects) == 1 and whole > chance
+    }
+    names = sorted((n for n in found if found[n] >= MAINLY), key=lambda n: -found[n])
+    if not 1 <= len(names) <= MOST:
+        return Verdict("unknown", (), else_p, left, (), why)
+    p = compared.probability(lambda w: any(s.name in names for s in w.suspects))
+    return Verdict("partly", tuple(names), p, left, (), why, found[names[0]])
+
+
+def _doubt(recordings: Sequence[str], votes: Sequence[Vote]) -> str:
+    """Why the recordings do not confirm the likeliest effect; empty if they do."""
+    if len(recordings) == 1:
+        return "there is one experiment only, so none can confirm the likeliest of them"
+    against = sorted({v.recording for v in votes if v.against})
+    return f"{listed(against)} speaks against the likeliest" if against else ""
+
+
+def _mates(
+    compared: Compared, name: str, classes: Sequence[Sequence[str]], *, clear: bool
 ) -> tuple[str, ...]:
-    """Effects of the same class that the recordings do not clearly refuse, the likeliest first."""
-    mates = {other for its in classes if name in its for other in its} - {name}
+    """Effects of one class with an effect, the likeliest first.
+
+    Where the recordings confirm it, those that it clearly beats are left out.
+    """
     alone = {
         w.which.suspects[0].name: w.log_evidence
         for w in compared.weighed
         if len(w.which.suspects) == 1 and not w.which.other
     }
-    close = [mate for mate in mates if alone[name] - alone[mate] < CLEARLY]
-    return tuple(sorted(close, key=lambda mate: -alone[mate])[: MOST - 1])
+    mates = {other for its in classes if name in its for other in its} - {name}
+    left = [m for m in mates if not clear or alone[name] - alone[m] < CLEARLY]
+    return tuple(sorted(left, key=lambda mate: (-alone[mate], mate))[: MOST - 1])
 
 
 def _set(
-    compared: Compared, likely: Sequence[Suspect], left: float, votes: tuple[Vote, ...]
+    compared: Compared, likely: Sequence[Suspect], left: float, votes: tuple[Vote, ...], doubt: str
 ) -> Verdict:
     """The smallest set that is likely enough, or none."""
-    against = sorted({v.recording for v in votes if v.against})
-    why = f"{' and '.join(against)} speaks against the likeliest" if against else ""
-    for size in range(1 + (not against), MOST + 1):
+    for size in range(2, MOST + 1):
         names = tuple(s.name for s in likely[:size])
         p = compared.probability(lambda w, n=names: any(s.name in n for s in w.suspects))  # type: ignore[misc]
         if p >= SET:
             return Verdict(
-                "set", names, p, left, votes, why or "the recordings do not tell them apart"
+                "set", names, p, left, votes, doubt or "the recordings do not tell them apart"
             )
     return Verdict(
         "unknown", (), float(np.max(compared.probabilities)), left, votes,
-        why or f"more than {MOST} effects are possible",
+        doubt or f"more than {MOST} effects are possible",
     )  # fmt: skip
 
 

@@ -47,6 +47,13 @@ def answer(its: Diagnosis) -> list[str]:
             f"together): {its.why}"
         )
         lines += [f"If it is {_suspect(suspects[name])}" for name in its.effects]
+    elif its.kind == "partly" and its.explained is not None:
+        share = "over 99" if its.explained > 0.99 else f"{100 * its.explained:.0f}"
+        lines.append(
+            f"What is missing is mainly {listed(its.effects, 'or')}, which explains {share} % of "
+            f"the mismatch. Something more is missing: {its.why}"
+        )
+        lines += [f"If it is {_suspect(suspects[name])}" for name in its.effects]
     else:
         lines.append(f"What is missing is not known: {its.why}")
         likely = [s for s in its.suspects if s.probability > POSSIBLE]
@@ -58,7 +65,7 @@ def _suspect(its: Suspected) -> str:
     size = with_unit(f"{its.size:.3g}", its.unit)
     low, high = (f"{v:.3g}" for v in its.interval)
     said = (
-        f"{its.name}: {its.meaning} {size} (90 % {low} to {high}), probability "
+        f"{its.name} = {size} (90 % {low} to {high}): {its.meaning}; probability "
         f"{its.probability:.2f}"
     )
     return f"{said}; these recordings hardly tell it from {listed(its.like)}" if its.like else said
@@ -73,9 +80,10 @@ def where(its: Diagnosis) -> list[str]:
         return ["No single place stands out: the mismatch shows in all recordings together"]
     lines = [f"Where: {'; '.join(map(place_in_words, clear[:PLACES]))}"]
     if its.rest is not None:
+        these = "this place" if len(clear) == 1 else f"these {len(clear)} places"
         fits = "fits" if its.rest >= MISFIT else "does not fit either"
         lines.append(
-            f"All that lies outside of these {len(clear)} places, fitted alone, {fits} "
+            f"All that lies outside of {these}, fitted alone, {fits} "
             f"(probability of a larger misfit {chance(its.rest)})"
         )
     return lines

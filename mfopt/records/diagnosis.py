@@ -9,7 +9,7 @@ from mfopt.files.result_file import read_result
 
 FILE = "diagnosis.json"  # in the run directory
 
-Kind = Literal["nothing", "named", "set", "unknown"]
+Kind = Literal["nothing", "named", "set", "partly", "unknown"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,6 +146,7 @@ class Diagnosis:
     effects: tuple[str, ...]  # the names, or those of the set
     probability: float  # of what is said
     why: str  # no name is given; empty if one is
+    explained: float | None  # share of the misfit beyond chance by effects that are a part of it
     mismatch: float  # p-value: how often recordings without a mismatch look as bad
     gain: float  # of the best effect, in log likelihood
     gain_at_5: float  # which recordings without a mismatch reach in 5 % of the cases

@@ -17,6 +17,7 @@ KINDS = {
     "nothing": "nothing is missing",
     "named": "an effect is named",
     "set": "one of a few effects",
+    "partly": "a main part is found",
     "unknown": "something unknown",
 }
 

@@ -26,6 +26,7 @@ PARAMETERS = {
     "quadratic": "[parameters.quadratic]     # [1/m]\nrange = [0.0, 0.06]\n",
     "drag": "[parameters.drag]          # coefficient of all balls\nrange = [0.0, 1.5]\n",
     "g": "[parameters.g]             # [m/s2]\nrange = [9.0, 11.0]\n",
+    "speed": "[parameters.speed]         # [m/s] downwards at the release\nrange = [-0.5, 0.5]\n",
 }
 MODELS: Mapping[str, tuple[str, ...]] = {
     "linear": ("linear",), "quadratic": ("quadratic",), "both": ("linear", "quadratic"),
@@ -85,7 +86,12 @@ def cases(data: Path) -> list[CaseText]:
 def pooled(file: Path) -> str:
     """The case file of all balls that were weighed, with one drag coefficient."""
     text = before("pooled", ("drag",))
-    for ball, (weight, round_cm) in SIZES.items():
-        its = f", mass = {weight * OUNCE:.5f}, diameter = {round_cm / 100.0 / math.pi:.5f}"
-        text += "".join(drop(ball, n, file, its, held_out=n == 2) for n in (1, 2))
+    for ball in SIZES:
+        text += "".join(drop(ball, n, file, measures(ball), held_out=n == 2) for n in (1, 2))
     return text
+
+
+def measures(ball: str) -> str:
+    """Mass [kg] and diameter [m] of a ball, as conditions."""
+    weight, round_cm = SIZES[ball]
+    return f", mass = {weight * OUNCE:.5f}, diameter = {round_cm / 100.0 / math.pi:.5f}"

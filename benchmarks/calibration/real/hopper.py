@@ -12,7 +12,7 @@ from benchmarks.calibration.real.text import CaseText, head
 FILE = "hopper_discharge_digitised/hopper_discharge_fraction.csv"
 SERIES = "plastic_ball"
 COUNT, DIAMETER_MM, DENSITY = 14_000, 6.0, 1592.0
-RUNS = 40  # 14 000 balls: almost two minutes each
+RUNS = 24  # 14 000 balls: two to three minutes each
 PARAMETERS = {
     "friction": "[parameters.friction]\nrange = [0.1, 0.8]\n",
     "rolling": '[parameters."rolling_resistance.coefficient"]\nrange = [0.0, 0.2]\n',

@@ -7,12 +7,15 @@ the time is counted from there.
 import csv
 import gzip
 import math
+from collections.abc import Mapping
 from pathlib import Path
 
 from benchmarks.calibration.real.text import CaseText, function_rig, head
 
 FOLDER, FILE = "pendulum_multiarm", "single_pendulum.csv.gz"
 SIMULATOR = Path(__file__).parents[3] / "examples" / "calibration" / "pendulum" / "pendulum.py"
+Ranges = Mapping[str, tuple[float, float]]
+
 # [rad/s] from the time of 5 small swings, [1/s], [rad/s2]
 RANGES = {"frequency": (7.7, 8.3), "viscous": (0.0, 0.3), "dry": (0.0, 0.6)}
 # Around the parameters that the wide fit with both kinds of friction says it missed.
@@ -37,20 +40,37 @@ THINNED = 10  # of 1 000 samples a second, that many are one
 
 def cases(data: Path) -> list[CaseText]:
     """The cases, one for each friction, and one with narrower ranges."""
+    made = []
+    for model, ranges in MODELS.items():
+        fixed = {k: v for k, v in FIXED.items() if k not in ranges}
+        text, files = case(data, f"pendulum-{model}", ranges, fixed)
+        made.append(CaseText(f"pendulum-{model}", text, RUNS, files))
+    return made
+
+
+def case(
+    data: Path, name: str, ranges: Ranges, fixed: Mapping[str, float], more: str = ""
+) -> tuple[str, dict[str, str]]:
+    """A case file and its recordings.
+
+    Args:
+        data: folder of recordings.
+        name: of the case.
+        ranges: of its parameters.
+        fixed: values of the others.
+        more: tables.
+    """
     segments: dict[int, list[tuple[float, float, float]]] = {}
     with gzip.open(data / FOLDER / FILE, "rt") as lines:
         for row in csv.DictReader(lines):
             its = (float(row["t_s"]), float(row["theta"]) - math.pi, float(row["omega"]))
             segments.setdefault(int(row["seg"]), []).append(its)
-    files = {f"segment-{n}.csv": series(rows) for n, rows in segments.items()}
-    made, rig = [], function_rig(SIMULATOR, "swing", "angle", "rad", 3.0)
-    for model, ranges in MODELS.items():
-        fixed = "".join(f", {k} = {v}" for k, v in FIXED.items() if k not in ranges)
-        tables = (f"[parameters.{k}]\nrange = {list(ends)}\n" for k, ends in ranges.items())
-        text = head(f"pendulum-{model}", rig, tables, MEASUREMENT)
-        text += "".join(segment(n, rows[0], fixed) for n, rows in segments.items())
-        made.append(CaseText(f"pendulum-{model}", text, RUNS, files))
-    return made
+    rig = function_rig(SIMULATOR, "swing", "angle", "rad", 3.0)
+    tables = (f"[parameters.{k}]\nrange = {list(ends)}\n" for k, ends in ranges.items())
+    known = "".join(f", {k} = {v}" for k, v in fixed.items())
+    text = head(name, rig, tables, MEASUREMENT) + more
+    text += "".join(segment(n, rows[0], known) for n, rows in segments.items())
+    return text, {f"segment-{n}.csv": series(rows) for n, rows in segments.items()}
 
 
 def series(rows: list[tuple[float, float, float]]) -> str:

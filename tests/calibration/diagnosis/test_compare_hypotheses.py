@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from toy_diagnosis import SIZES, joint_of, recorded
+from toy_diagnosis import SIZES, joint_of, recorded, seen
 
 from calibration.diagnosis.alike import alike, faint
 from calibration.diagnosis.compare import compare
@@ -50,6 +50,36 @@ def test_effects_that_look_alike_are_a_class_and_a_set(learned: Learned) -> None
     verdict = judged(joint, BOTH, compared, mismatch_in(joint, near, compared, 1), alike(near), 1)
     assert "bend" in verdict.effects
     assert "kick" not in faint(near)
+
+
+def test_one_experiment_alone_gives_the_whole_class(learned: Learned) -> None:
+    whole, suspects, _ = joint_of(recorded((0.4, 0.6), {"bend": 0.3}, 5), learned)
+    joint = whole.of([0])
+    compared = compare(joint, suspects, 2, 1)
+    near = around(joint, suspects, compared.nothing.best)
+    verdict = judged(
+        joint, BOTH[:1], compared, mismatch_in(joint, near, compared, 1), alike(near), 1
+    )
+    assert verdict.kind == "set"
+    assert {"bend", "twin"} <= set(verdict.effects)
+
+
+def test_the_main_part_of_a_mismatch_is_told_beside_what_no_effect_explains(
+    learned: Learned,
+) -> None:
+    made = [recorded((0.4, 0.6), {"kick": 0.28}, seed) for seed in range(25)]
+    jagged = 0.002 * np.sign(np.sin(np.arange(48) / 1.5))
+    its = [
+        seen(name, np.mean([again[place].values for again in made], axis=0) + jagged, 50)
+        for place, name in enumerate(BOTH)
+    ]
+    joint, suspects, _ = joint_of(its, learned)
+    compared = compare(joint, suspects, 2, 1)
+    near = around(joint, suspects, compared.nothing.best)
+    verdict = judged(joint, BOTH, compared, mismatch_in(joint, near, compared, 1), alike(near), 1)
+    assert (verdict.kind, verdict.effects) == ("partly", ("kick",))
+    assert verdict.explained is not None
+    assert 0.9 <= verdict.explained < 1.0
 
 
 def test_an_error_of_the_scale_is_a_rival_of_full_standing(learned: Learned) -> None:
