@@ -16,6 +16,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg.lapack import dpotri
 from scipy.optimize import minimize
 
 from mfopt.arrays import Array, frozen
@@ -130,41 +131,41 @@ def _loss(runs: Runs, scores: Array, effects: int) -> Callable[[Array], tuple[fl
     n, d = runs.z.shape
     of_strength = pinned(runs.strength, runs.strength)
     masks = [np.flatnonzero(runs.with_effect(e)) for e in range(effects)]
-    apart = (runs.z[:, None] - runs.z[None]) ** 2  # (n, n, d)
+    apart = (runs.z.T[:, :, None] - runs.z.T[:, None, :]) ** 2  # (d, n, n)
+    between = [of_strength[np.ix_(its, its)] for its in masks]
 
     def loss(logs: Array) -> tuple[float, Array]:
         signal, noise = np.exp(logs[:2])
         lengths, sizes = np.exp(logs[2 : 2 + d]), np.exp(logs[2 + d :])
-        base, slope = _matern(apart, lengths)
-        slow, slow_slope = _matern(apart, SLOWER * lengths)
+        far = ROOT5 * np.sqrt(np.tensordot(lengths**-2.0, apart, axes=1))
+        base, slope = _matern(far)
+        slow, slow_slope = _matern(far / SLOWER)
         added = np.zeros((n, n))
-        for size, its in zip(sizes, masks, strict=True):
-            added[np.ix_(its, its)] = size * of_strength[np.ix_(its, its)]
+        for size, its, own in zip(sizes, masks, between, strict=True):
+            added[np.ix_(its, its)] = size * own
         factor = np.linalg.cholesky(signal * base + added * slow + noise * np.eye(n))
-        half = np.linalg.inv(factor)
-        inverse = half.T @ half
+        lower, _ = dpotri(factor, lower=1)
+        inverse = lower + np.tril(lower, -1).T
         weights = inverse @ scores
         value = 0.5 * float(scores @ weights) + float(np.log(np.diag(factor)).sum())
         turn = 0.5 * (inverse - np.outer(weights, weights))  # d value / d covariance
         way = turn * (signal * slope + added * slow_slope / SLOWER**2)
         grown = turn * added * slow
         return value, np.array([
-            signal * np.sum(turn * base), noise * np.trace(turn),
-            *(np.sum(way * apart[:, :, i]) / lengths[i] ** 2 for i in range(d)),
+            signal * np.vdot(turn, base), noise * np.trace(turn),
+            *(np.vdot(way, own) / length**2 for own, length in zip(apart, lengths, strict=True)),
             *(np.sum(grown[np.ix_(its, its)]) for its in masks),
         ])  # fmt: skip
 
     return loss
 
 
-def _matern(apart: Array, lengths: Array) -> tuple[Array, Array]:
+def _matern(far: Array) -> tuple[Array, Array]:
     """Correlation (n, n), and its derivative by minus half of the squared distance.
 
     Args:
-        apart: squared differences (n, n, d).
-        lengths: (d,).
+        far: distances (n, n) in lengths, times the root of 5.
     """
-    far = ROOT5 * np.sqrt(np.sum(apart / lengths**2, axis=2))
     fall = np.exp(-far)
     return (1.0 + far + far**2 / 3.0) * fall, 5.0 / 3.0 * (1.0 + far) * fall
 

@@ -89,8 +89,8 @@ def diagnose(
     """
     see, own = seeing(case, noises), list[Evaluation]()
     names = [recording.name for recording in case.fitted]
+    seen, emulators = learned_from(case, library, experiments, see, made)
     for _ in range(ROUNDS):
-        seen, emulators = learned_from(case, library, experiments, see, (*made, *own))
         measuring, whole = joined(case, seen, emulators, channels)
         joint = whole.of(range(len(names)))
         compared = compare(joint, suspected(library, measuring), len(case.parameters), case.seed)
@@ -98,13 +98,16 @@ def diagnose(
         if not asked:
             break
         own += evaluate(asked)
-    else:
-        seen, emulators = learned_from(case, library, experiments, see, (*made, *own))
+        for place, recording in enumerate(case.fitted):
+            if any(candidate.level == recording.name for candidate in asked):
+                seen[place], emulators[place] = _learned(
+                    recording, experiments[recording.name], library, see, (*made, *own)
+                )
     found = examine(case, library, seen, emulators, channels)
     return Diagnosis(
         found,
         confirmed(case, library, found.joint, seen, found.compared, evaluate, len(own)),
-        _next(found, library, made),
+        _next(found, library, made, experiments),
     )
 
 
@@ -116,12 +119,18 @@ def learned_from(
     made: Sequence[Evaluation],
 ) -> tuple[list[Observed], list[SeriesEmulator]]:
     """All recordings, the fitted ones first, and the emulators of their experiments."""
-    seen, emulators = [], []
-    for recording in (*case.fitted, *case.held_out):
-        its, runs, rows = beside(recording, experiments[recording.name], made, library, see)
-        seen.append(its)
-        emulators.append(fit_effect_series(runs, rows, [block.size for block in its.blocks]))
-    return seen, emulators
+    pairs = [
+        _learned(recording, experiments[recording.name], library, see, made)
+        for recording in (*case.fitted, *case.held_out)
+    ]
+    return [seen for seen, _ in pairs], [emulator for _, emulator in pairs]
+
+
+def _learned(
+    recording: Recording, experiment: str, library: Library, see: See, made: Sequence[Evaluation]
+) -> tuple[Observed, SeriesEmulator]:
+    seen, runs, rows = beside(recording, experiment, made, library, see)
+    return seen, fit_effect_series(runs, rows, [block.size for block in seen.blocks])
 
 
 def examine(
@@ -252,14 +261,18 @@ def _inside(times: Array | None, cell: Cell) -> AnyArray:
     return np.asarray((times >= cell.start) & (times <= cell.end))
 
 
-def _next(its: Examined, library: Library, made: Sequence[Evaluation]) -> tuple[Separation, ...]:
+def _next(
+    its: Examined, library: Library, made: Sequence[Evaluation], experiments: Mapping[str, str]
+) -> tuple[Separation, ...]:
     """The recordings that would separate best what is still possible."""
     left, found = still_possible(its.compared), list[Separation]()
     errors = _errors(its.joint, its.observations)
+    recorded = {experiments[name]: name for name in reversed(list(experiments))}
     for name in dict.fromkeys(e.candidate.level for e in made):
         mine = [e for e in made if e.candidate.level == name and e.outcome.finished]
         raw = [e.outcome.raw for e in mine]
-        found += separations(left, name, library.runs(mine), raw, errors, its.joint.transform)
+        called = f"as {recorded[name]} ({name})" if name in recorded else name
+        found += separations(left, called, library.runs(mine), raw, errors, its.joint.transform)
     return tuple(sorted(found, key=lambda s: -s.gain))
 
 

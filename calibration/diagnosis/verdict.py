@@ -7,6 +7,7 @@ recording can confirm it, the whole class is named. What fails this becomes a se
 or stays unknown. Where no known effect fits, those that explain most of it are told.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -28,7 +29,9 @@ UNEXPLAINED = 1e-3  # p-value of the misfit that is left
 CLEARLY = 8.0  # log evidence by which an effect must beat another one of its class
 AGAINST = -3.0  # log predictive density with the effect less without, of a vote against it
 
-MAINLY = 0.9  # share of the misfit beyond chance that an effect takes away, to be told as a part
+# To be told as a part: share of the misfit beyond chance that an effect takes away, and what it
+# leaves over what the best one leaves.
+MAINLY, NEARLY = 0.9, 2.0
 
 Kind = Literal["nothing", "named", "set", "partly", "unknown"]
 
@@ -94,7 +97,8 @@ def judged(
             if left < UNEXPLAINED
             else f"something that is no known effect has a probability of {else_p:.2f}"
         )
-        return _part(compared, len(joint.scores), else_p, left, why)
+        nearly = NEARLY if len(recordings) > 1 else math.inf
+        return _part(compared, len(joint.scores), else_p, left, why, nearly)
     named = [s for s in likely if compared.of(s.name) >= NAMED]
     votes = tuple(v for s in named for v in voted(joint, recordings, s, seed))
     names = tuple(s.name for s in named)
@@ -109,20 +113,35 @@ def judged(
     return _set(compared, likely, left, votes, doubt)
 
 
-def _part(compared: Compared, scores: int, else_p: float, left: float, why: str) -> Verdict:
-    """Effects each of which explains nearly all of a mismatch that no known effect explains."""
+def _part(
+    compared: Compared, scores: int, else_p: float, left: float, why: str, nearly: float
+) -> Verdict:
+    """Effects each of which explains nearly all of a mismatch that no known effect explains.
+
+    Args:
+        compared: all hypotheses.
+        scores: how many the recordings have.
+        else_p: probability of something that is no known effect.
+        left: p-value of the misfit that the likeliest hypothesis leaves.
+        why: no effect is named.
+        nearly: times what the best effect leaves, up to which another one is told beside it.
+    """
     chance = scores - len(compared.nothing.best)
-    whole = compared.nothing.misfit - chance
-    found = {
-        w.which.suspects[0].name: 1.0 - max(w.misfit - chance, 0.0) / whole
+    beyond = {
+        w.which.suspects[0].name: max(w.misfit - chance, 1.0)
         for w in compared.explained
-        if len(w.which.suspects) == 1 and whole > chance
+        if len(w.which.suspects) == 1
     }
-    names = sorted((n for n in found if found[n] >= MAINLY), key=lambda n: -found[n])
+    whole, best = compared.nothing.misfit - chance, min(beyond.values(), default=1.0)
+    names = [
+        name
+        for name in sorted(beyond, key=lambda n: beyond[n])
+        if beyond[name] <= min((1.0 - MAINLY) * whole, nearly * best)
+    ]
     if not 1 <= len(names) <= MOST:
         return Verdict("unknown", (), else_p, left, (), why)
     p = compared.probability(lambda w: any(s.name in names for s in w.suspects))
-    return Verdict("partly", tuple(names), p, left, (), why, found[names[0]])
+    return Verdict("partly", tuple(names), p, left, (), why, 1.0 - beyond[names[0]] / whole)
 
 
 def _doubt(recordings: Sequence[str], votes: Sequence[Vote]) -> str:

@@ -34,10 +34,7 @@ def answer(its: Diagnosis) -> list[str]:
         if faint := [s.name for s in its.suspects if s.faint]:
             lines.append(f"These recordings cannot show at any plausible size: {listed(faint)}")
         return lines
-    lines = [
-        "Simulation and recordings differ: without a mismatch they would look as bad with the "
-        f"probability {p}"
-    ]
+    lines = list[str]()
     suspects = {s.name: s for s in its.suspects}
     if its.kind == "named":
         lines += [f"What is missing: {_suspect(suspects[name])}" for name in its.effects]
@@ -58,7 +55,11 @@ def answer(its: Diagnosis) -> list[str]:
         lines.append(f"What is missing is not known: {its.why}")
         likely = [s for s in its.suspects if s.probability > POSSIBLE]
         lines += [f"Of the known effects {_suspect(s)}" for s in likely]
-    return lines
+    return [
+        *lines,
+        "Simulation and recordings differ: without a mismatch they would look as bad with the "
+        f"probability {p}",
+    ]
 
 
 def _suspect(its: Suspected) -> str:
