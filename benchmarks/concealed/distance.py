@@ -12,9 +12,14 @@ from mfopt.arrays import Array
 
 def rows_of(joint: Joint, which: Hypothesis, point: Array) -> list[Array]:
     """Noise-free rows (p,) of all recordings at a point (D,) of a hypothesis."""
+    return [rows[0] for rows in rows_at(joint, which, point[None])]
+
+
+def rows_at(joint: Joint, which: Hypothesis, points: Array) -> list[Array]:
+    """Noise-free rows (n, p) of all recordings at points (n, D) of a hypothesis."""
     groups = joint.likelihood.groups
     split = np.cumsum([len(g.scores) for g in groups])[:-1]
-    parts = np.split(joint.means(which, point[None])[0], split)
+    parts = np.split(joint.means(which, points), split, axis=1)
     return [g.emulator.mean + in_points(g, part) for g, part in zip(groups, parts, strict=True)]
 
 
@@ -36,5 +41,10 @@ def differences(joint: Joint, rows: Sequence[Array], dimensions: int) -> list[Ar
 
 
 def distance(joint: Joint, rows: Sequence[Array], dimensions: int) -> float:
+    """Distance D of noise-free rows (p,)."""
+    return furthest(differences(joint, rows, dimensions))
+
+
+def furthest(apart: Sequence[Array]) -> float:
     """The largest of the differences: D."""
-    return max(float(np.max(np.abs(d))) for d in differences(joint, rows, dimensions))
+    return max(float(np.max(np.abs(d))) for d in apart)

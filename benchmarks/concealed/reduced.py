@@ -26,15 +26,18 @@ import numpy as np
 
 from benchmarks import lines
 from benchmarks.calibration.experiments import correlated_noise
-from benchmarks.concealed.distance import distance as largest
+from benchmarks.concealed.distance import differences, furthest
 from benchmarks.concealed.found import line_of
 from benchmarks.concealed.models import MODELS, Model
+from benchmarks.concealed.oracle import oracle_error
+from benchmarks.concealed.places import by_window
 from benchmarks.concealed.score import report
-from calibration.diagnosis.diagnose import beside, examine, joined
+from calibration.diagnosis.diagnose import Examined, beside, examine, joined, suspected
 from calibration.diagnosis.joint import Joint
+from calibration.diagnosis.library import Library
 from calibration.observed import Observed
 from calibration.runs import seeing
-from mfopt.arrays import frozen
+from mfopt.arrays import Array, frozen
 from mfopt.records.evaluation import Evaluation
 from mfopt.records.outcome import Outcome
 from mfopt.study.case import AssembledCase, assemble_case
@@ -63,9 +66,15 @@ class Prepared:
     """A model with the emulators of its experiments."""
 
     model: Model
+    library: Library
     emulators: tuple[SeriesEmulator, ...]
     joint: Joint  # of some recordings, to measure distances by
     observations: tuple[Observed, ...]
+
+    @property
+    def fitted(self) -> int:
+        """How many recordings are fitted; they come first."""
+        return len(self.joint.likelihood.groups)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -108,19 +117,35 @@ def one(which: tuple[int, int]) -> dict[str, Any]:
     model = its.model
     base = {n: float(rng.uniform(*ends)) for n, ends in model.parameters.items()}
     truth = drawn(kind, its, base, rng)
-    with tempfile.TemporaryDirectory() as folder:
-        path = written(model, base | truth, Path(folder), rng, kind == "misjudged")
-        parts = assemble_case(path)
-        seen = _seen(parts, its)
-        found = examine(
-            parts.case, assemble_library(parts, further=False).library, seen, its.emulators,
-            parts.rig.channels,
-        )  # fmt: skip
+    found = _examined(its, base | truth, rng, kind == "misjudged")
+    cpu_s = time.process_time() - begun
+    apart = moved(its, base | truth)
     return {
         "seed": seed, "case": number, "model": model.name, "kind": kind, "truth": truth,
-        "distance": distance(its, base | truth), **line_of(found),
-        "cpu_s": round(time.process_time() - begun, 2),
+        "distance": furthest(apart), **line_of(found, its.fitted), **_known(its, found, truth),
+        "true_cells": by_window(its.observations[: its.fitted], apart), "cpu_s": round(cpu_s, 2),
     }  # fmt: skip
+
+
+def _examined(its: Prepared, values: Values, rng: np.random.Generator, misjudged: bool) -> Examined:
+    """What a diagnosis finds in recordings of these values."""
+    with tempfile.TemporaryDirectory() as folder:
+        parts = assemble_case(written(its.model, values, Path(folder), rng, misjudged))
+        seen = _seen(parts, its)
+    return examine(parts.case, its.library, seen, its.emulators, parts.rig.channels)
+
+
+def _known(its: Prepared, found: Examined, truth: Values) -> dict[str, Any]:
+    """What a case is judged by beside its truth: true strengths, and the error of an oracle.
+
+    Effects outside of the library have no strength, and no oracle fits them.
+    """
+    effects = {e.name: e for e in its.library.effects}
+    strengths = {n: round(effects[n].strength(v), 5) for n, v in truth.items() if n in effects}
+    there = [s for s in suspected(its.library, found.measuring) if s.name in strengths]
+    d = len(its.model.parameters)
+    error = oracle_error(found.joint, found.observations, its.fitted, there, d) if there else None
+    return {"true_strengths": strengths, "oracle": error}
 
 
 def drawn(kind: str, its: Prepared, base: Values, rng: np.random.Generator) -> Values:
@@ -153,12 +178,17 @@ def _sized(name: str, target: float, its: Prepared, base: Values) -> float:
 
 def distance(its: Prepared, values: Values) -> float:
     """Largest noise-free difference after a refit, over the deviation of the repeats' mean."""
+    return furthest(moved(its, values))
+
+
+def moved(its: Prepared, values: Values) -> list[Array]:
+    """Noise-free differences (p,) after a refit, over the deviation of the repeats' mean."""
     rows = []
-    for seen in its.observations[: len(its.joint.likelihood.groups)]:
+    for seen in its.observations[: its.fitted]:
         conditions = its.model.experiments[seen.name]
         runs = [its.model.run(values, conditions, seed) for seed in MIRRORED]
         rows.append(seen.row({k: np.mean([r[k] for r in runs], axis=0) for k in runs[0]}))
-    return largest(its.joint, rows, len(its.model.parameters))
+    return differences(its.joint, rows, len(its.model.parameters))
 
 
 MIRRORED = range(40)  # seeds over which a run is averaged: the scatter falls to a sixth
@@ -190,7 +220,9 @@ def prepared(number: int) -> Prepared:
             emulators.append(fit_effect_series(runs, rows, [b.size for b in its.blocks]))
     count = len(parts.case.fitted)
     _, whole = joined(parts.case, seen, emulators, parts.rig.channels)
-    return Prepared(model, tuple(emulators), whole.of(range(count)), tuple(seen))
+    return Prepared(
+        model, shared.library, tuple(emulators), whole.of(range(count)), tuple(seen)
+    )  # fmt: skip
 
 
 def _seen(parts: AssembledCase, its: Prepared) -> list[Observed]:

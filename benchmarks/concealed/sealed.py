@@ -4,6 +4,7 @@
     python -m benchmarks.concealed.sealed record 1             # by YADE: about 90 s for each case
     python -m benchmarks.concealed.sealed diagnose 1           # from the recordings alone
     python -m benchmarks.concealed.sealed reveal 1             # if truth and code are as sealed
+    python -m benchmarks.concealed.sealed oracle 1             # fits that know the effects
     python -m benchmarks.concealed.sealed report
 
 Truths come from the system's entropy and stay in `--work` until they are revealed. The seal in
@@ -20,23 +21,28 @@ import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 from benchmarks import lines
+from benchmarks.concealed.distance import differences
 from benchmarks.concealed.found import line_of
-from benchmarks.concealed.learned import WORK, learned, written
+from benchmarks.concealed.learned import WORK, Learned, learned, written
+from benchmarks.concealed.oracle import oracle_error
+from benchmarks.concealed.places import by_window
 from benchmarks.concealed.recordings import NOISE, recorded
 from benchmarks.concealed.rigs import CHANNELS, RIGS
 from benchmarks.concealed.score import report
-from benchmarks.concealed.truth import BLOCK, Truth, drawn_block
+from benchmarks.concealed.truth import BLOCK, Truth, drawn_block, true_rows
 from benchmarks.concealed.yade_runs import runs_of
-from calibration.diagnosis.diagnose import examine, learned_from
+from calibration.diagnosis.diagnose import examine, joined, learned_from, suspected
 from calibration.diagnosis.measuring import measuring_effects
+from calibration.observed import Observed
 from calibration.runs import seeing
-from mfopt.study.case import assemble_case
+from mfopt.study.case import AssembledCase, assemble_case
+from surrogates.series import SeriesEmulator
 
 RESULTS = Path(__file__).parent / "results"
 OPEN = 0  # the batch for development
@@ -49,7 +55,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="sealed", description="concealed cases by YADE")
     commands = parser.add_subparsers(required=True)
     for name, do in (("draw", _draw), ("record", _record), ("diagnose", _diagnose),
-                     ("reveal", _reveal)):  # fmt: skip
+                     ("reveal", _reveal), ("oracle", _oracle)):  # fmt: skip
         its = commands.add_parser(name)
         its.add_argument("batch", type=int)
         if do is _draw:
@@ -131,16 +137,23 @@ def _found(asked: tuple[dict[str, Any], Path]) -> dict[str, Any]:
     line, work = asked
     its = learned(line["rig"], work)
     begun = time.process_time()
-    with tempfile.TemporaryDirectory() as folder:
-        path = written(Path(folder), line["rig"], line["files"], line["noises"])
-        parts = assemble_case(path)
-        library = its.shared.library
-        seen, emulators = learned_from(
-            parts.case, library, its.shared.experiments, seeing(parts.case, parts.noises), its.made
-        )
-        found = examine(parts.case, library, seen, emulators, parts.rig.channels)
+    parts, seen, emulators = _seen(line, its)
+    found = examine(parts.case, its.shared.library, seen, emulators, parts.rig.channels)
     cpu_s = time.process_time() - begun
-    return {"case": line["case"], **line_of(found), "cpu_s": round(cpu_s, 2)}
+    return {
+        "case": line["case"], **line_of(found, len(parts.case.fitted)), "cpu_s": round(cpu_s, 2)
+    }  # fmt: skip
+
+
+def _seen(
+    line: dict[str, Any], its: Learned
+) -> tuple[AssembledCase, list[Observed], list[SeriesEmulator]]:
+    """The case of a line of recordings, and the emulators of its experiments."""
+    with tempfile.TemporaryDirectory() as folder:
+        parts = assemble_case(written(Path(folder), line["rig"], line["files"], line["noises"]))
+        see = seeing(parts.case, parts.noises)
+        shared = its.shared
+        return parts, *learned_from(parts.case, shared.library, shared.experiments, see, its.made)
 
 
 def _reveal(given: argparse.Namespace) -> None:
@@ -155,6 +168,41 @@ def _reveal(given: argparse.Namespace) -> None:
     (_results(given) / f"truths-{given.batch}.json").write_text(content)
 
 
+def _oracle(given: argparse.Namespace) -> None:
+    """Fit the effects that are there, where truths are revealed and effects are in the library."""
+    folder = _results(given)
+    revealed = json.loads((folder / f"truths-{given.batch}.json").read_text())["truths"]
+    truths = {truth["case"]: Truth(**truth) for truth in revealed if truth["strengths"]}
+    file = folder / f"oracle-{given.batch}.jsonl"
+    there = {line["case"] for _, line in lines.read(file)}
+    recordings = (line for _, line in lines.read(folder / f"recordings-{given.batch}.jsonl"))
+    asked = [
+        (line, truths[line["case"]], given.work)
+        for line in recordings
+        if line["files"] and line["case"] in truths and line["case"] not in there
+    ]
+    with ProcessPoolExecutor(given.jobs, mp_context=get_context("spawn")) as pool:
+        for line in pool.map(_known, asked):
+            lines.append(file, line)
+            print(line["case"], f"{line['oracle']:.2f}", flush=True)
+
+
+def _known(asked: tuple[dict[str, Any], Truth, Path]) -> dict[str, Any]:
+    """Held-out error of an oracle, and how far the effects move each cell."""
+    line, truth, work = asked
+    its = learned(line["rig"], work)
+    parts, seen, emulators = _seen(line, its)
+    measuring, whole = joined(parts.case, seen, emulators, parts.rig.channels)
+    suspects, count = suspected(its.shared.library, measuring), len(parts.case.fitted)
+    effects = [s for s in suspects if s.name in truth.strengths]
+    joint = whole.of(range(count))
+    rows = true_rows(replace(its, joint=joint), truth.base, truth.strengths)
+    return {
+        "case": line["case"], "oracle": oracle_error(whole, seen, count, effects, its.dimensions),
+        "true_cells": by_window(seen[:count], differences(joint, rows, its.dimensions)),
+    }  # fmt: skip
+
+
 def _report(given: argparse.Namespace) -> None:
     print("\n".join(report(list(_judged(given.work if given.open else RESULTS)))))
 
@@ -163,10 +211,15 @@ def _judged(folder: Path) -> Iterator[dict[str, Any]]:
     """Each case with its truth and what was found."""
     for path in sorted(folder.glob("truths-*.json")):
         batch = path.stem.rpartition("-")[2]
-        found = {line["case"]: line for _, line in lines.read(folder / f"found-{batch}.jsonl")}
+        found, known = (
+            {line["case"]: line for _, line in lines.read(folder / f"{name}-{batch}.jsonl")}
+            for name in ("found", "oracle")
+        )
         for truth in json.loads(path.read_text())["truths"]:
-            if truth["case"] in found:
-                yield {**truth, "truth": truth["strengths"], **found[truth["case"]]}
+            case, strengths = truth["case"], truth["strengths"]
+            if case in found:
+                told = {"truth": strengths, "true_strengths": strengths}
+                yield {**truth, **told, **known.get(case, {}), **found[case]}
 
 
 def _sealed(given: argparse.Namespace) -> list[Truth]:
