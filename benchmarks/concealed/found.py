@@ -26,7 +26,6 @@ def line_of(found: Examined, fitted: int) -> dict[str, Any]:
         "verdict": verdict.kind, "effects": list(verdict.effects), "why": verdict.why,
         "probability": round(verdict.probability, 4), "mismatch": round(found.test.probability, 5),
         "unexplained": verdict.unexplained,
-        "best": best.which.name, "best_p": round(float(compared.probabilities.max()), 4),
         "of": {n: round(compared.of(n), 4) for n in sorted(names) if compared.of(n) > 0.01},
         "hypotheses": hypotheses(compared),
         "strengths": {

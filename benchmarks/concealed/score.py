@@ -1,13 +1,12 @@
 """How often a missing effect was named rightly, named wrongly, or left open."""
 
-import itertools
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from benchmarks.concealed.found import Line
 from benchmarks.concealed.places import localised
-from benchmarks.concealed.stated import FULL, in_stated_set, intervals_hold
+from benchmarks.concealed.stated import FULL, in_stated_set, intervals_hold, is_true
 
 BINS = ((5.0, np.inf), (3.0, 5.0), (0.0, 3.0))  # of the distance D
 CLEAR = BINS[0][0]
@@ -217,16 +216,9 @@ def wrong(its: Line) -> bool:
 
 def ece(made: Sequence[Line]) -> float:
     """Expected calibration error of the likeliest hypothesis, in four bins of equal count."""
-    p = np.array([m["best_p"] for m in made])
-    ok = np.array([m["best"] in _answers(m) for m in made], dtype=float)
+    best = [max(m["hypotheses"], key=m["hypotheses"].__getitem__) for m in made]
+    p = np.array([m["hypotheses"][name] for m, name in zip(made, best, strict=True)])
+    ok = np.array([is_true(name, m) for m, name in zip(made, best, strict=True)], dtype=float)
     order = np.argsort(p)
     parts = np.array_split(order, ECE_BINS)
     return float(sum(len(i) / len(p) * abs(p[i].mean() - ok[i].mean()) for i in parts if len(i)))
-
-
-def _answers(its: Line) -> set[str]:
-    """Names of hypotheses that are right."""
-    if its["kind"] == "outside":
-        return {"other"}
-    names = sorted(its["truth"]) or ["nothing"]
-    return {" + ".join(order) for order in itertools.permutations(names)}

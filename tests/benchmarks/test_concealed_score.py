@@ -51,7 +51,7 @@ def line(kind: str, truth: dict[str, float], **changed: Any) -> dict[str, Any]:
     return {
         "kind": kind, "truth": truth, "true_strengths": {} if outside else truth,
         "distance": 7.0 if truth else 0.0, "verdict": verdict,
-        "effects": list(truth) if verdict == "named" else [], "best": best, "best_p": 1.0,
+        "effects": list(truth) if verdict == "named" else [],
         "hypotheses": {best: 1.0},
         "strengths": {n: [s - 0.1, s + 0.1] for n, s in truth.items()},
         "held_out": [5.0, 1.0, 4.0, 2.0], "oracle": 1.0 if truth and not outside else None,
