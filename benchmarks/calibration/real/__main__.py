@@ -71,6 +71,8 @@ def line(name: str, its: dict[str, Any]) -> str:
 def errors(its: dict[str, Any], *, held_out: bool) -> Iterator[str]:
     """The largest error of the recordings that were fitted or held out, and the median."""
     those = [c for c in its["compared"] if c["held_out"] is held_out]
+    if not those:
+        return
     rms = [float(np.sqrt(np.mean(np.subtract(c["recorded"], c["simulated"]) ** 2))) for c in those]
     ratios = [c["error"] for c in those]
     yield f"{np.median(rms):.2g} {those[0]['unit']}, {np.median(ratios):.2f} times"
