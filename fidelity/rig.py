@@ -239,9 +239,12 @@ class RigLevel:
         return level.work(design)
 
     def evaluate(self, x: Array, *, seed: int) -> Outcome:
-        """Run once with the parameters `x` (d,)."""
-        level, design = self._level(x)
-        outcome = level.evaluate(design, seed=seed)
+        """Run once with the parameters `x` (d,). Values that exclude each other are a failed run."""
+        try:
+            level, design = self._level(x)
+            outcome = level.evaluate(design, seed=seed)
+        except ConfigError as error:
+            return Outcome(frozen(x), self.name, seed, "invalid_design", str(error))
         raw = series_of(level.scene.criteria(), outcome) if outcome.finished else {}
         return replace(outcome, x=frozen(x), raw=raw)
 

@@ -53,7 +53,10 @@ def kept_runs(file: Path, channels: Sequence[str], jobs: int) -> Iterator[KeptRu
         name, x, seed = line["key"]
         there[name, tuple(x), seed] = line
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        yield KeptRuns(file, tuple(channels), pool, there)
+        try:
+            yield KeptRuns(file, tuple(channels), pool, there)
+        finally:
+            pool.shutdown(cancel_futures=True)  # after an error nobody waits for the others
 
 
 def _key(candidate: Candidate) -> Key:

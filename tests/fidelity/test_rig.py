@@ -35,6 +35,14 @@ def of_settings(its: SceneLevel) -> PortionSettings:
     return its.scene.settings
 
 
+def test_values_that_exclude_each_other_are_a_failed_run() -> None:
+    its = level(rig("discharge"), {}, "friction", "side_wall_friction")
+    outcome = its.evaluate(np.array([0.1, -0.3]), seed=1)
+    assert outcome.status == "invalid_design"
+    assert outcome.why is not None
+    assert "excess = -0.3 must be at least -0.1" in outcome.why
+
+
 @pytest.mark.parametrize("scene", SCENES)
 def test_a_run_of_every_scene_gives_the_channels_that_the_rig_names(scene: str) -> None:
     its = rig(scene)
