@@ -239,7 +239,7 @@ class RigLevel:
         return level.work(design)
 
     def evaluate(self, x: Array, *, seed: int) -> Outcome:
-        """Run once with the parameters `x` (d,). Values that exclude each other are a failed run."""
+        """Run once with the parameters `x` (d,); values that exclude each other fail."""
         try:
             level, design = self._level(x)
             outcome = level.evaluate(design, seed=seed)
