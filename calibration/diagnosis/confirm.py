@@ -1,13 +1,19 @@
-"""Real simulations with and without what is missing, beside every recording."""
+"""Real simulations with and without what is missing, beside every recording.
+
+The simulations have the last word: where they do not fit to the recordings as their emulators did,
+nothing is named.
+"""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.stats import chi2
 
 from calibration.diagnosis.compare import Compared
 from calibration.diagnosis.joint import Joint
 from calibration.diagnosis.library import Library
+from calibration.diagnosis.verdict import UNEXPLAINED, Verdict
 from calibration.diagnosis.weigh import Weighed
 from calibration.diagnosis.where import in_points
 from calibration.observed import Observed
@@ -69,6 +75,39 @@ def confirmed(
         held_out = number >= len(case.fitted)
         found.append(Confirmed(its.name, held_out, rows[0], rows[1], sd, (errors[0], errors[1])))
     return tuple(found)
+
+
+def checked(
+    verdict: Verdict, joint: Joint, compared: Compared, found: Sequence[Confirmed]
+) -> Verdict:
+    """The verdict; that something unknown is missing where the simulations do not fit.
+
+    Args:
+        verdict: from the emulators.
+        joint: the fitted recordings.
+        compared: hypotheses about them.
+        found: simulations beside all recordings, the fitted ones first.
+    """
+    fitted = [its for its in found if not its.held_out]
+    groups = joint.likelihood.groups
+    if verdict.kind not in ("named", "set") or len(fitted) < len(groups):
+        return verdict
+    best = compared.likeliest
+    rows = [its.after - g.emulator.mean for its, g in zip(fitted, groups, strict=True)]
+    scores = [r / g.emulator.scale @ g.basis.T for r, g in zip(rows, groups, strict=True)]
+    covariance = joint.covariances(best.which, best.best[None])[0]
+    at = 0
+    for group in groups:
+        k = len(group.emulator.components)
+        covariance[at : at + k, at : at + k] += group.emulator.noise / RUNS
+        at += len(group.scores)
+    apart = joint.scores - np.concatenate(scores)
+    misfit = float(apart @ np.linalg.solve(covariance, apart))
+    p = float(chi2.sf(misfit, max(1, len(apart) - len(best.best))))
+    if p >= UNEXPLAINED:
+        return verdict
+    why = f"simulations with {best.which.name} do not fit as their emulators do; give more --runs"
+    return replace(verdict, kind="unknown", effects=(), unexplained=p, why=why)
 
 
 def _measured(joint: Joint, number: int, weighed: Weighed, raw: Array) -> Array:

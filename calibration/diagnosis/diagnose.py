@@ -8,7 +8,7 @@ from scipy.stats import chi2
 
 from calibration.diagnosis.alike import alike, faint
 from calibration.diagnosis.compare import Compared, compare
-from calibration.diagnosis.confirm import Confirmed, confirmed
+from calibration.diagnosis.confirm import Confirmed, checked, confirmed
 from calibration.diagnosis.joint import Joint, Suspect
 from calibration.diagnosis.library import Library
 from calibration.diagnosis.linear import around
@@ -104,10 +104,11 @@ def diagnose(
                     recording, experiments[recording.name], library, see, (*made, *own)
                 )
     found = examine(case, library, seen, emulators, channels)
+    simulated = confirmed(case, library, found.joint, seen, found.compared, evaluate, len(own))
+    fitted = found.joint.of(range(len(names)))
+    verdict = checked(found.verdict, fitted, found.compared, simulated)
     return Diagnosis(
-        found,
-        confirmed(case, library, found.joint, seen, found.compared, evaluate, len(own)),
-        _next(found, library, made, experiments),
+        replace(found, verdict=verdict), simulated, _next(found, library, made, experiments)
     )
 
 

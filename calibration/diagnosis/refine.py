@@ -62,12 +62,8 @@ def refined(
 
 
 def _leaders(compared: Compared) -> list[Weighed]:
-    """The fit of nothing, and those of the effects of the rig that explain most alone."""
-    single = [
-        w
-        for w in compared.weighed
-        if len(w.which.suspects) == 1 and not w.which.other and not w.which.suspects[0].measuring
-    ]
+    """The fit of nothing, and those of the effects that explain most alone."""
+    single = [w for w in compared.weighed if len(w.which.suspects) == 1 and not w.which.other]
     best = sorted(single, key=lambda w: -w.log_evidence)[:LEADERS]
     return [compared.nothing, *best]
 
@@ -77,8 +73,10 @@ def _doubt(joint: Joint, group: Group, weighed: Weighed) -> float:
     which = weighed.which
     d = len(weighed.best) - which.added
     z = joint.transform(weighed.best[:d])
-    points = np.append(z, which.strengths(weighed.best[None, d:])[0])[None]
-    numbers = [s.number for s in which.suspects]
+    strengths = which.strengths(weighed.best[None, d:])[0]
+    rig = [i for i, s in enumerate(which.suspects) if not s.measuring]
+    points = np.append(z, strengths[rig])[None]
+    numbers = [which.suspects[i].number for i in rig]
     _, variance = with_effects(group.emulator, numbers).predict(points)
     k = variance.shape[1]
     return float(variance.sum() / np.trace(group.fixed[:k, :k]))
@@ -92,5 +90,9 @@ def _drawn(library: Library, joint: Joint, weighed: Weighed, rng: np.random.Gene
     u = np.clip(wide, 0.0, 1.0)
     d = len(u) - which.added
     strengths = which.strengths(u[None, d:])[0]
-    there = {s.number: float(v) for s, v in zip(which.suspects, strengths, strict=True)}
+    there = {
+        s.number: float(v)
+        for s, v in zip(which.suspects, strengths, strict=True)
+        if not s.measuring
+    }
     return library.design(joint.transform(u[:d]), there if which != NOTHING else {})

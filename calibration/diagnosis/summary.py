@@ -18,6 +18,7 @@ from mfopt.records.evaluation import Evaluation
 from mfopt.records.rig import Channel
 
 TAIL = 0.05  # of a 90 % interval
+AT_END = 0.99  # strength from which an effect is at the end of its range
 
 
 def summary(
@@ -37,6 +38,7 @@ def summary(
         effects=verdict.effects,
         probability=verdict.probability,
         why=verdict.why,
+        likeliest=compared.likeliest.which.name,
         explained=verdict.explained,
         mismatch=found.test.probability,
         gain=found.test.gain,
@@ -78,11 +80,14 @@ def summary(
 
 
 def _suspects(its: Examined, library: Library) -> tuple[records.Suspected, ...]:
-    nothing, found = its.compared.nothing.log_evidence, []
+    nothing, likeliest = its.compared.nothing.log_evidence, its.compared.likeliest
+    found = []
     single = [w for w in its.compared.weighed if len(w.which.suspects) == 1 and not w.which.other]
     for weighed in single:
         (suspect,) = weighed.which.suspects
-        strengths = [weighed.strength(0, tail) for tail in (0.5, TAIL, 1.0 - TAIL)]
+        fit = likeliest if suspect in likeliest.which.suspects else weighed
+        place = fit.which.suspects.index(suspect)
+        strengths = [fit.strength(place, tail) for tail in (0.5, TAIL, 1.0 - TAIL)]
         if suspect.measuring:
             measuring = its.measuring[suspect.number]
             sizes, unit, meaning = (
@@ -99,6 +104,7 @@ def _suspects(its: Examined, library: Library) -> tuple[records.Suspected, ...]:
                 suspect.name, suspect.measuring, meaning, unit,
                 its.compared.of(suspect.name), sizes[0], (min(sizes[1:]), max(sizes[1:])),
                 weighed.log_evidence - nothing, tuple(sorted(like)), suspect.name in its.faint,
+                abs(strengths[0]) >= AT_END,
             )
         )  # fmt: skip
     return tuple(sorted(found, key=lambda s: -s.probability))

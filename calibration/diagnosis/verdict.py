@@ -16,7 +16,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from calibration.diagnosis.compare import Compared
-from calibration.diagnosis.joint import Hypothesis, Joint, Suspect
+from calibration.diagnosis.joint import NOTHING, Hypothesis, Joint, Suspect
 from calibration.diagnosis.nulls import Mismatch
 from calibration.diagnosis.weigh import weigh_nothing, weigh_one
 from mfopt.names import listed
@@ -85,7 +85,8 @@ def judged(
     freedom = max(1, len(joint.scores) - len(best.best))
     left = float(chi2.sf(best.misfit, freedom))
     if test.probability > ALARM:
-        return Verdict("nothing", (), 1.0 - test.probability, left, (), "")
+        p = compared.probability(lambda which: which == NOTHING)
+        return Verdict("nothing", (), p, left, (), "")
     else_p = compared.probability(lambda which: which.other)
     likely = sorted(
         {s.name: s for w in compared.weighed for s in w.which.suspects}.values(),

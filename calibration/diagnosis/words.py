@@ -53,8 +53,11 @@ def answer(its: Diagnosis) -> list[str]:
         lines += [f"If it is {_suspect(suspects[name])}" for name in its.effects]
     else:
         lines.append(f"What is missing is not known: {its.why}")
-        likely = [s for s in its.suspects if s.probability > POSSIBLE]
-        lines += [f"Of the known effects {_suspect(s)}" for s in likely]
+        if near := [s.name for s in its.suspects if s.probability > POSSIBLE]:
+            lines.append(
+                f"The nearest known effects are {listed(near)}; as long as what is missing is not "
+                "known, their sizes mean nothing"
+            )
     return [
         *lines,
         "Simulation and recordings differ: without a mismatch they would look as bad with the "
@@ -69,6 +72,8 @@ def _suspect(its: Suspected) -> str:
         f"{its.name} = {size} (90 % {low} to {high}): {its.meaning}; probability "
         f"{its.probability:.2f}"
     )
+    if its.at_end:
+        said += "; this is the end of its range: widen that, or the effect is not the right one"
     return f"{said}; these recordings hardly tell it from {listed(its.like)}" if its.like else said
 
 
@@ -120,10 +125,10 @@ def held_out(its: Diagnosis) -> list[str]:
             for h in its.held_out
         ]
     return [
-        f"{h.recording} (held out): error {h.before:.2f} before, {h.after:.2f} after (90 % "
-        f"{h.after_range[0]:.2f} to {h.after_range[1]:.2f}), in standard deviations of its "
-        f"repeats; with {h.decoy_name} instead {h.decoy:.2f}, with a discrepancy that has no name "
-        f"{h.discrepancy:.2f}"
+        f"{h.recording} (held out): error {h.before:.2f} before, {h.after:.2f} with "
+        f"{its.likeliest} (90 % {h.after_range[0]:.2f} to {h.after_range[1]:.2f}), in standard "
+        f"deviations of its repeats; with {h.decoy_name} instead {h.decoy:.2f}, with a discrepancy "
+        f"that has no name {h.discrepancy:.2f}"
         for h in its.held_out
     ]
 

@@ -26,6 +26,8 @@ UNITS: Mapping[str, tuple[float, str]] = {
     **{"m2": (1.0, "m2"), "cm2": (1e-4, "m2"), "mm2": (1e-6, "m2")},
     **{"N": (1.0, "N"), "kN": (1e3, "N")},
     **{"Pa": (1.0, "Pa"), "kPa": (1e3, "Pa"), "MPa": (1e6, "Pa")},
+    **{"K": (1.0, "K"), "degC": (1.0, "degC"), "V": (1.0, "V")},
+    **{"A": (1.0, "A"), "J": (1.0, "J"), "W": (1.0, "W")},
     **{"Hz": (1.0, "Hz"), "1/s": (1.0, "Hz"), "kHz": (1e3, "Hz")},
 }
 LIKELY = 5.0  # a likely unit brings a value so near to what is typical

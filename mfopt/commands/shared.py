@@ -31,7 +31,12 @@ screen = console()
 StudyFile = Annotated[Path, typer.Argument(help="study file (TOML)")]
 RunPath = Annotated[Path, typer.Argument(help="run directory")]
 Into = Annotated[
-    Path | None, typer.Option("--directory", "-d", help="run directory; runs/NAME if left out")
+    Path | None,
+    typer.Option(
+        "--directory",
+        "-d",
+        help="run directory; below runs/, named after the case or study, if left out",
+    ),
 ]
 Resume = Annotated[
     bool, typer.Option("--resume", help="go on with a broken-off run, if there is one")

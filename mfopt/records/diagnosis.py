@@ -21,11 +21,12 @@ class Suspected:
     meaning: str
     unit: str
     probability: float  # that it is there, alone or with another one
-    size: float  # the most likely one, if it is there alone
+    size: float  # with the likeliest effects if it is one of them, else where it is there alone
     interval: tuple[float, float]  # 90 %
     gain: float  # log evidence over that of nothing, alone
     like: tuple[str, ...]  # effects that these recordings cannot tell from it
     faint: bool  # True: these recordings cannot show it even at full strength
+    at_end: bool  # True: its size is the end of its range
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,6 +147,7 @@ class Diagnosis:
     effects: tuple[str, ...]  # the names, or those of the set
     probability: float  # of what is said
     why: str  # no name is given; empty if one is
+    likeliest: str  # the likeliest effects, with which held-out recordings are predicted
     explained: float | None  # share of the misfit beyond chance by effects that are a part of it
     mismatch: float  # p-value: how often recordings without a mismatch look as bad
     gain: float  # of the best effect, in log likelihood

@@ -22,14 +22,16 @@ ROW = 0.27  # [inch] height of a row of cells or bars
 PANEL = 1.45  # [inch] height of a panel over time
 TALLEST = 8.4  # [inch] a page of A4 with heading and caption
 MOST_BARS = 14
-CLEAR = 3.0  # [standard deviations] at which a cell has its darkest colour
+# [standard deviations] at which a cell has its darkest colour; where some are far larger, the
+# colours rise with the logarithm from `FAINT` on.
+CLEAR, FAINT = 3.0, 0.5
 NAMED = 0.8  # probability from which an effect is named
 
 
 def places(its: Sequence[Place]) -> str:
     """Cells of recording and channel over time, coloured by the mismatch; a frame stands out."""
     from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import LinearSegmentedColormap, Normalize
+    from matplotlib.colors import LinearSegmentedColormap, LogNorm, Normalize
     from matplotlib.figure import Figure
     from matplotlib.patches import Rectangle
 
@@ -39,12 +41,14 @@ def places(its: Sequence[Place]) -> str:
         figure = Figure(figsize=(WIDTH, height))
         axis = figure.add_axes((0.34, 0.62 / height, 0.52, (height - 0.72) / height))
         colours = LinearSegmentedColormap.from_list("mismatch", ["#f3f5f7", "#f2b48a", ORANGE])
-        scale = Normalize(0.0, CLEAR)
+        largest = max(p.difference for p in its)
+        wide = largest > 2.0 * CLEAR
+        scale = LogNorm(FAINT, largest, clip=True) if wide else Normalize(0.0, CLEAR, clip=True)
         end = max(p.end for p in its) or 1.0
         for p in its:
             y = rows.index((p.recording, p.channel))
             left, right = p.start, p.end if p.end > p.start else end
-            colour = colours(scale(min(p.difference, CLEAR)))
+            colour = colours(scale(p.difference))
             axis.add_patch(Rectangle((left, y - 0.42), right - left, 0.84, fc=colour, ec="white",
                                      lw=0.8))  # fmt: skip
             if p.stands_out:
@@ -59,7 +63,7 @@ def places(its: Sequence[Place]) -> str:
         axis.set_xlabel(label("time", "s"))
         bar = figure.add_axes((0.89, 0.62 / height, 0.018, (height - 0.72) / height))
         figure.colorbar(ScalarMappable(scale, colours), cax=bar, label="difference / sd",
-                        extend="max")  # fmt: skip
+                        extend="neither" if wide else "max")  # fmt: skip
         return as_svg(figure)
 
 

@@ -45,6 +45,7 @@ def suspected(name: str, probability: float, *, measuring: bool = False) -> Susp
         12.5,
         ("clock_rate",) if probability > 0.5 else (),
         probability < 0.01,
+        False,
     )
 
 
@@ -82,7 +83,7 @@ def beside(recording: str, *, held_out: bool) -> Beside:
 def diagnosis(**changed: object) -> Diagnosis:
     made = Diagnosis(
         name="rig of two halves", kind="named", effects=("slow_gate",), probability=0.93, why="",
-        explained=None,
+        explained=None, likeliest="slow_gate",
         mismatch=0.0004, gain=31.0, gain_at_5=3.3, unexplained=0.41, rest=0.38, nothing=0.01,
         other=0.04,
         suspects=(suspected("slow_gate", 0.93), suspected("clock_rate", 0.05, measuring=True),
@@ -116,7 +117,7 @@ SAID = (
     "rig of two halves", "Simulation and recordings differ", "probability below 0.001",
     "What is missing: slow_gate = 0.31 s (90 % 0.22 to 0.4): meaning of slow_gate; probability",
     "these recordings hardly tell it from clock_rate", "narrow speaks against slow_gate",
-    "recorded 0.004 m lower than simulated", "error 4.10 before, 1.07 after",
+    "recorded 0.004 m lower than simulated", "error 4.10 before, 1.07 with slow_gate",
     "4.10 to 1.07", "opening_mm = 50", "level left, level right", "slow gate from clock rate",
     "too weak to be seen", "camera or sensor", "0.440", "752 runs", "3 failed",
 )  # fmt: skip
