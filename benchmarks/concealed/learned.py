@@ -2,7 +2,8 @@
 
     python -m benchmarks.concealed.learned [--rigs slot wedge] [--jobs 2]
 
-makes the runs of the library, about 17 minutes of one core for each rig.
+makes the runs of the library, 20 to 60 minutes of one core for each rig. They are kept in
+`results/`, packed (`benchmarks.lines`).
 """
 
 import argparse
@@ -27,7 +28,7 @@ from mfopt.records.evaluation import Candidate, Evaluation
 from mfopt.study.case import AssembledCase, assemble_case
 from mfopt.study.rig_library import AssembledLibrary, assemble_library
 
-WORK = Path("runs") / "concealed"
+RESULTS = Path(__file__).parent / "results"
 RUNS = 240  # of each experiment
 FIRST_PLAIN = 2_000_000  # seed of the runs without any effect, which are not in the library
 AMID = 0.5  # of the prior of a parameter that a truth does not have: what the case states
@@ -62,19 +63,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="learned", description="libraries of the two rigs")
     parser.add_argument("--rigs", nargs="*", choices=RIGS, default=list(RIGS))
     parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--work", type=Path, default=WORK)
     given = parser.parse_args(arguments)
     for name in given.rigs:
-        with _kept(name, given.work, given.jobs) as kept:
+        with _kept(name, given.jobs) as kept:
             made = _runs(assembled(name), kept)
             print(name, len(made), f"{sum(e.outcome.cpu_s for e in made):.0f} s of CPU")
     return 0
 
 
 @cache
-def learned(name: str, work: Path) -> Learned:
+def learned(name: str) -> Learned:
     """A rig with its emulators; learned once in each process."""
-    with _kept(name, work, 1) as kept:
+    with _kept(name, 1) as kept:
         shared = assembled(name)
         made, plain = _runs(shared, kept), _plain(shared, kept)
     with tempfile.TemporaryDirectory() as folder:
@@ -112,8 +112,8 @@ def _empty(folder: Path, name: str) -> AssembledCase:
     return assemble_case(written(folder, name, recorded(runs, {}, 1), {}))
 
 
-def _kept(name: str, work: Path, jobs: int) -> AbstractContextManager[KeptRuns]:
-    return kept_runs(work / f"library-{name}.jsonl", CHANNELS, jobs)
+def _kept(name: str, jobs: int) -> AbstractContextManager[KeptRuns]:
+    return kept_runs(RESULTS / f"library-{name}.jsonl", CHANNELS, jobs)
 
 
 def _runs(shared: AssembledLibrary, kept: KeptRuns) -> tuple[Evaluation, ...]:

@@ -29,7 +29,7 @@ from typing import Any
 from benchmarks import lines
 from benchmarks.concealed.distance import differences
 from benchmarks.concealed.found import line_of
-from benchmarks.concealed.learned import WORK, Learned, learned, written
+from benchmarks.concealed.learned import RESULTS, Learned, learned, written
 from benchmarks.concealed.oracle import oracle_error
 from benchmarks.concealed.places import by_window
 from benchmarks.concealed.recordings import NOISE, recorded
@@ -44,7 +44,7 @@ from calibration.runs import seeing
 from mfopt.study.case import AssembledCase, assemble_case
 from surrogates.series import SeriesEmulator
 
-RESULTS = Path(__file__).parent / "results"
+WORK = Path("runs") / "concealed"  # truths that are not revealed, and all of the open batch
 OPEN = 0  # the batch for development
 ROOT = Path(__file__).parents[2]
 FROZEN = ("calibration", "surrogates", "fidelity", "benchmarks/concealed")
@@ -77,7 +77,7 @@ def _draw(given: argparse.Namespace) -> None:
     path = _truths(given)
     if path.exists():
         sys.exit(f"the truths of batch {given.batch} are drawn: {path}")
-    known = {name: learned(name, given.work) for name in RIGS}
+    known = {name: learned(name) for name in RIGS}
     its = [
         truth
         for block in range(given.blocks)
@@ -122,9 +122,7 @@ def _diagnose(given: argparse.Namespace) -> None:
     file = folder / f"found-{given.batch}.jsonl"
     there = {line["case"] for _, line in lines.read(file)}
     recordings = (line for _, line in lines.read(folder / f"recordings-{given.batch}.jsonl"))
-    asked = [
-        (line, given.work) for line in recordings if line["files"] and line["case"] not in there
-    ]
+    asked = [line for line in recordings if line["files"] and line["case"] not in there]
     with ProcessPoolExecutor(given.jobs, mp_context=get_context("spawn")) as pool:
         for line in pool.map(_found, asked):
             lines.append(file, line)
@@ -132,10 +130,9 @@ def _diagnose(given: argparse.Namespace) -> None:
                   flush=True)  # fmt: skip
 
 
-def _found(asked: tuple[dict[str, Any], Path]) -> dict[str, Any]:
+def _found(line: dict[str, Any]) -> dict[str, Any]:
     """What a diagnosis finds in the recordings of one case."""
-    line, work = asked
-    its = learned(line["rig"], work)
+    its = learned(line["rig"])
     begun = time.process_time()
     parts, seen, emulators = _seen(line, its)
     found = examine(parts.case, its.shared.library, seen, emulators, parts.rig.channels)
@@ -177,7 +174,7 @@ def _oracle(given: argparse.Namespace) -> None:
     there = {line["case"] for _, line in lines.read(file)}
     recordings = (line for _, line in lines.read(folder / f"recordings-{given.batch}.jsonl"))
     asked = [
-        (line, truths[line["case"]], given.work)
+        (line, truths[line["case"]])
         for line in recordings
         if line["files"] and line["case"] in truths and line["case"] not in there
     ]
@@ -187,10 +184,10 @@ def _oracle(given: argparse.Namespace) -> None:
             print(line["case"], f"{line['oracle']:.2f}", flush=True)
 
 
-def _known(asked: tuple[dict[str, Any], Truth, Path]) -> dict[str, Any]:
+def _known(asked: tuple[dict[str, Any], Truth]) -> dict[str, Any]:
     """Held-out error of an oracle, and how far the effects move each cell."""
-    line, truth, work = asked
-    its = learned(line["rig"], work)
+    line, truth = asked
+    its = learned(line["rig"])
     parts, seen, emulators = _seen(line, its)
     measuring, whole = joined(parts.case, seen, emulators, parts.rig.channels)
     suspects, count = suspected(its.shared.library, measuring), len(parts.case.fitted)
