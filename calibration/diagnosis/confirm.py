@@ -1,7 +1,7 @@
 """Real simulations with and without what is missing, beside every recording.
 
 The simulations have the last word: where they do not fit to the recordings as their emulators did,
-nothing is named.
+nothing is named. Where those with another effect of its class fit as well, both are named.
 """
 
 from collections.abc import Sequence
@@ -13,11 +13,12 @@ from scipy.stats import chi2
 from calibration.diagnosis.compare import Compared
 from calibration.diagnosis.joint import Joint
 from calibration.diagnosis.library import Library
-from calibration.diagnosis.verdict import UNEXPLAINED, Verdict
+from calibration.diagnosis.verdict import CLEARLY, MOST, UNEXPLAINED, Verdict
 from calibration.diagnosis.weigh import Weighed
 from calibration.diagnosis.where import in_points
 from calibration.observed import Observed
 from calibration.recordings.case import Case
+from calibration.recordings.records import Recording
 from calibration.runs import Evaluate
 from mfopt.arrays import Array, frozen
 from mfopt.records.evaluation import Candidate
@@ -50,31 +51,51 @@ def confirmed(
 
     `first` further runs were made before.
     """
-    best = compared.likeliest
-    both = (compared.nothing, best)
+    both = (compared.nothing, compared.likeliest)
+    recordings = (*case.fitted, *case.held_out)
+    rows = simulated(recordings, library, joint, seen, both, evaluate, first)
+    found = []
+    for number, (its, pair) in enumerate(zip(seen, rows, strict=True)):
+        if not pair:
+            continue  # its simulations failed
+        sd = joint.deviations[number]
+        errors = [float(np.sqrt(np.mean(((its.values - row) / sd) ** 2))) for row in pair]
+        held_out = number >= len(case.fitted)
+        found.append(Confirmed(its.name, held_out, pair[0], pair[1], sd, (errors[0], errors[1])))
+    return tuple(found)
+
+
+def simulated(
+    recordings: Sequence[Recording],
+    library: Library,
+    joint: Joint,
+    seen: Sequence[Observed],
+    those: Sequence[Weighed],
+    evaluate: Evaluate,
+    first: int,
+) -> list[list[Array]]:
+    """For each recording the mean (p,) of runs under each hypothesis; none where all runs failed.
+
+    All hypotheses have the same packings.
+    """
     asked = [
         Candidate(0, frozen(_design(library, joint, its)), r.name, 1 + n, 0, "predict")
         for n in range(RUNS)
-        for r in (*case.fitted, *case.held_out)
-        for its in both
+        for r in recordings
+        for its in those
     ]
     made = evaluate([_numbered(c, i) for i, c in enumerate(asked, start=first)])
     found = []
-    for number, its in enumerate(seen):
+    for number, its in enumerate(seen[: len(recordings)]):
         mine = [e for e in made if e.candidate.level == its.name]
         rows = []
-        for weighed, runs in zip(both, (mine[0::2], mine[1::2]), strict=True):
+        for place, weighed in enumerate(those):
+            runs = mine[place :: len(those)]
             raw = [its.row(e.outcome.raw) for e in runs if e.outcome.finished]
-            if not raw:
-                break
-            rows.append(_measured(joint, number, weighed, np.array(raw)))
-        if len(rows) < len(both):
-            continue  # its simulations failed
-        sd = joint.deviations[number]
-        errors = [float(np.sqrt(np.mean(((its.values - row) / sd) ** 2))) for row in rows]
-        held_out = number >= len(case.fitted)
-        found.append(Confirmed(its.name, held_out, rows[0], rows[1], sd, (errors[0], errors[1])))
-    return tuple(found)
+            if raw:
+                rows.append(_measured(joint, number, weighed, np.array(raw)))
+        found.append(rows if len(rows) == len(those) else [])
+    return found
 
 
 def checked(
@@ -93,21 +114,62 @@ def checked(
     if verdict.kind not in ("named", "set") or len(fitted) < len(groups):
         return verdict
     best = compared.likeliest
-    rows = [its.after - g.emulator.mean for its, g in zip(fitted, groups, strict=True)]
-    scores = [r / g.emulator.scale @ g.basis.T for r, g in zip(rows, groups, strict=True)]
-    covariance = joint.covariances(best.which, best.best[None])[0]
-    at = 0
-    for group in groups:
-        k = len(group.emulator.components)
-        covariance[at : at + k, at : at + k] += group.emulator.noise / RUNS
-        at += len(group.scores)
-    apart = joint.scores - np.concatenate(scores)
-    misfit = float(apart @ np.linalg.solve(covariance, apart))
-    p = float(chi2.sf(misfit, max(1, len(apart) - len(best.best))))
+    misfit = _misfit(joint, best, [its.after for its in fitted])
+    p = float(chi2.sf(misfit, max(1, len(joint.scores) - len(best.best))))
     if p >= UNEXPLAINED:
         return verdict
     why = f"simulations with {best.which.name} do not fit as their emulators do; give more --runs"
     return replace(verdict, kind="unknown", effects=(), unexplained=p, why=why)
+
+
+def mates_of(
+    verdict: Verdict, compared: Compared, classes: Sequence[Sequence[str]]
+) -> list[Weighed]:
+    """Fits of the effects of one class with the only one that is named, the likeliest first."""
+    if verdict.kind != "named" or len(verdict.effects) > 1:
+        return []
+    names = {n for its in classes if verdict.effects[0] in its for n in its} - {*verdict.effects}
+    mates = [w for w in compared.explained if w.which.name in names]
+    return sorted(mates, key=lambda w: -w.log_evidence)[: MOST - 1]
+
+
+def beside_mates(
+    verdict: Verdict, joint: Joint, those: Sequence[Weighed], rows: Sequence[Sequence[Array]]
+) -> Verdict:
+    """The verdict; a set where simulations of others fit nearly as well as those of what is named.
+
+    Args:
+        verdict: that names one effect.
+        joint: the fitted recordings.
+        those: the hypothesis that is named, then its mates.
+        rows: for each recording what is simulated under each of them (p,); none if runs failed.
+    """
+    if not all(rows):
+        return verdict
+    misfits = [_misfit(joint, w, [r[i] for r in rows]) for i, w in enumerate(those)]
+    near = [
+        w.which.name
+        for w, misfit in zip(those[1:], misfits[1:], strict=True)
+        if misfit - misfits[0] < 2.0 * CLEARLY
+    ]
+    if not near:
+        return verdict
+    why = "simulations with each of them fit as well"
+    return replace(verdict, kind="set", effects=(*verdict.effects, *near), why=why)
+
+
+def _misfit(joint: Joint, weighed: Weighed, rows: Sequence[Array]) -> float:
+    """Chi-squared of the recordings against simulated rows (p,), each the mean of `RUNS` runs."""
+    covariance = joint.covariances(weighed.which, weighed.best[None])[0]
+    scores, at = [], 0
+    for group, row in zip(joint.likelihood.groups, rows, strict=True):
+        emulator = group.emulator
+        k = len(emulator.components)
+        covariance[at : at + k, at : at + k] += emulator.noise / RUNS
+        at += len(group.scores)
+        scores.append((row - emulator.mean) / emulator.scale @ group.basis.T)
+    apart = joint.scores - np.concatenate(scores)
+    return float(apart @ np.linalg.solve(covariance, apart))
 
 
 def _measured(joint: Joint, number: int, weighed: Weighed, raw: Array) -> Array:

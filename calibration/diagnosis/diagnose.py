@@ -8,7 +8,15 @@ from scipy.stats import chi2
 
 from calibration.diagnosis.alike import alike, faint
 from calibration.diagnosis.compare import Compared, compare
-from calibration.diagnosis.confirm import Confirmed, checked, confirmed
+from calibration.diagnosis.confirm import (
+    RUNS,
+    Confirmed,
+    beside_mates,
+    checked,
+    confirmed,
+    mates_of,
+    simulated,
+)
 from calibration.diagnosis.joint import Joint, Suspect
 from calibration.diagnosis.library import Library
 from calibration.diagnosis.linear import around
@@ -104,11 +112,16 @@ def diagnose(
                     recording, experiments[recording.name], library, see, (*made, *own)
                 )
     found = examine(case, library, seen, emulators, channels)
-    simulated = confirmed(case, library, found.joint, seen, found.compared, evaluate, len(own))
+    shown = confirmed(case, library, found.joint, seen, found.compared, evaluate, len(own))
     fitted = found.joint.of(range(len(names)))
-    verdict = checked(found.verdict, fitted, found.compared, simulated)
+    verdict = checked(found.verdict, fitted, found.compared, shown)
+    if mates := mates_of(verdict, found.compared, found.classes):
+        those = (found.compared.likeliest, *mates)
+        first = len(own) + 2 * RUNS * len(seen)
+        rows = simulated(case.fitted, library, fitted, seen, those, evaluate, first)
+        verdict = beside_mates(verdict, fitted, those, rows)
     return Diagnosis(
-        replace(found, verdict=verdict), simulated, _next(found, library, made, experiments)
+        replace(found, verdict=verdict), shown, _next(found, library, made, experiments)
     )
 
 

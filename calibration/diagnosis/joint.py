@@ -199,11 +199,19 @@ def _changed(shape: Array, signed: bool, s: Array, with_one: Array) -> Array:
         s: strengths.
         with_one: simulated scores and 1 (n, k + 1).
     """
-    place = ((s + 1.0) / 2.0 if signed else s) * (len(shape) - 1)
-    low = np.clip(place.astype(int), 0, len(shape) - 2)
-    part = (place - low)[:, None]
+    lowest = -1.0 if signed else 0.0
+    apart = (1.0 - lowest) / (len(shape) - 1)
+    low = np.clip(((s - lowest) / apart).astype(int), 0, len(shape) - 2)
+    left = lowest + low * apart
+    # Sizes grow with the square of the strength, and the change with the size.
+    whole = _squared(left + apart) - _squared(left)
+    part = ((_squared(s) - _squared(left)) / whole)[:, None]
     ends = [np.einsum("nqk,nk->nq", shape[low + i], with_one) for i in (0, 1)]
     return np.asarray((1.0 - part) * ends[0] + part * ends[1])
+
+
+def _squared(s: Array) -> Array:
+    return s * np.abs(s)
 
 
 def log_densities(residuals: Array, factor: Array) -> Array:
