@@ -7,16 +7,12 @@ effects that it may lack; nothing says which of them is there. Each case is kept
 diagnosed again.
 """
 
-import argparse
-import json
-import os
-import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from benchmarks.calibration.real import balls, pendulum
+from benchmarks.calibration.real.kept import chosen, result
 from benchmarks.calibration.real.text import CaseText
 
 OF_ONE_BALL = {
@@ -96,36 +92,12 @@ CASES = {"balls": of_balls, "pendulum": of_pendulum}
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Diagnose all cases, or those that are named."""
-    parser = argparse.ArgumentParser(prog="real", description="diagnoses of real recordings")
-    parser.add_argument("what", choices=CASES)
-    parser.add_argument("--work", type=Path, required=True)
-    parser.add_argument("--only", nargs="*", help="names of cases, or parts of them")
-    given = parser.parse_args(arguments)
-    data = Path(os.environ.get("MFOPT_RECORDINGS", ""))
-    if "MFOPT_RECORDINGS" not in os.environ or not data.is_dir():
-        parser.error("set MFOPT_RECORDINGS to the folder of recordings")
-    for case in CASES[given.what](data.resolve()):
-        if not given.only or any(part in case.name for part in given.only):
-            words = diagnosed(case, given.work)["words"]
-            print("\n".join([f"# {case.name}", *words, ""]), flush=True)
+    for case, work in chosen("diagnoses of real recordings", CASES, arguments):
+        folder = work / case.name
+        library = ("--library", str(folder / "library"))
+        found = result(case, folder, "diagnose", "diagnosis.json", *library)
+        print("\n".join([f"# {case.name}", *found["words"], ""]), flush=True)
     return 0
-
-
-def diagnosed(case: CaseText, work: Path) -> dict[str, Any]:
-    """The result of a case, made if it is not there."""
-    folder = work / case.name
-    found = folder / "run" / "diagnosis.json"
-    if not found.exists():
-        folder.mkdir(parents=True, exist_ok=True)
-        for file, text in {**case.files, "case.toml": case.text}.items():
-            (folder / file).write_text(text)
-        command = [sys.executable, "-m", "mfopt", "diagnose", str(folder / "case.toml")]
-        command += ["-d", str(found.parent), "--library", str(folder / "library")]
-        command += ["--runs", str(case.runs), "--workers", "1", "--quiet"]
-        if (found.parent / "run.json").exists():
-            command.append("--resume")
-        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-    return dict(json.loads(found.read_text()))
 
 
 if __name__ == "__main__":

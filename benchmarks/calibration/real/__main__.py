@@ -6,54 +6,26 @@ The recordings are no part of this repository. Each case file, its runs and its 
 DIR; a case that has a result is not fitted again.
 """
 
-import argparse
-import json
-import os
-import subprocess
 import sys
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from benchmarks.calibration.real import balls, hopper, pendulum
-from benchmarks.calibration.real.text import CaseText
+from benchmarks.calibration.real.kept import chosen, result
 
 CASES = {"balls": balls.cases, "pendulum": pendulum.cases, "hopper": hopper.cases}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Fit all cases, or those that are named."""
-    parser = argparse.ArgumentParser(prog="real", description="calibrations to real recordings")
-    parser.add_argument("what", choices=CASES)
-    parser.add_argument("--work", type=Path, required=True)
-    parser.add_argument("--only", nargs="*", help="names of cases, or parts of them")
-    given = parser.parse_args(arguments)
-    data = Path(os.environ.get("MFOPT_RECORDINGS", ""))
-    if "MFOPT_RECORDINGS" not in os.environ or not data.is_dir():
-        parser.error("set MFOPT_RECORDINGS to the folder of recordings")
+    asked = list(chosen("calibrations to real recordings", CASES, arguments))
     print("| case | parameter: 90 % interval | misfit | fitted | held out |\n|---|---|---|---|---|")
-    for case in CASES[given.what](data.resolve()):
-        if not given.only or any(part in case.name for part in given.only):
-            print(line(case.name, fitted(case, given.work)), flush=True)
+    for case, work in asked:
+        found = result(case, work / case.name, "calibrate", "calibration.json")
+        print(line(case.name, found), flush=True)
     return 0
-
-
-def fitted(case: CaseText, work: Path) -> dict[str, Any]:
-    """The result of a case, made if it is not there."""
-    folder = work / case.name
-    found = folder / "run" / "calibration.json"
-    if not found.exists():
-        folder.mkdir(parents=True, exist_ok=True)
-        for file, text in {**case.files, "case.toml": case.text}.items():
-            (folder / file).write_text(text)
-        command = [sys.executable, "-m", "mfopt", "calibrate", str(folder / "case.toml")]
-        command += ["-d", str(found.parent), "--runs", str(case.runs), "--workers", "1", "--quiet"]
-        if (found.parent / "run.json").exists():
-            command.append("--resume")
-        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-    return dict(json.loads(found.read_text()))
 
 
 def line(name: str, its: dict[str, Any]) -> str:
