@@ -13,7 +13,7 @@ from scipy.stats import chi2
 from calibration.diagnosis.compare import Compared
 from calibration.diagnosis.joint import Joint
 from calibration.diagnosis.library import Library
-from calibration.diagnosis.verdict import CLEARLY, MOST, UNEXPLAINED, Verdict
+from calibration.diagnosis.verdict import CLEARLY, UNEXPLAINED, Verdict, mates_of
 from calibration.diagnosis.weigh import Weighed
 from calibration.diagnosis.where import in_points
 from calibration.observed import Observed
@@ -122,15 +122,14 @@ def checked(
     return replace(verdict, kind="unknown", effects=(), unexplained=p, why=why)
 
 
-def mates_of(
+def fits_of_mates(
     verdict: Verdict, compared: Compared, classes: Sequence[Sequence[str]]
 ) -> list[Weighed]:
     """Fits of the effects of one class with the only one that is named, the likeliest first."""
     if verdict.kind != "named" or len(verdict.effects) > 1:
         return []
-    names = {n for its in classes if verdict.effects[0] in its for n in its} - {*verdict.effects}
-    mates = [w for w in compared.explained if w.which.name in names]
-    return sorted(mates, key=lambda w: -w.log_evidence)[: MOST - 1]
+    alone = {w.which.name: w for w in compared.explained if len(w.which.suspects) == 1}
+    return [alone[m] for m in mates_of(compared, verdict.effects[0], classes, clear=False)]
 
 
 def beside_mates(

@@ -14,7 +14,7 @@ from calibration.diagnosis.confirm import (
     beside_mates,
     checked,
     confirmed,
-    mates_of,
+    fits_of_mates,
     simulated,
 )
 from calibration.diagnosis.joint import Joint, Suspect
@@ -115,7 +115,7 @@ def diagnose(
     shown = confirmed(case, library, found.joint, seen, found.compared, evaluate, len(own))
     fitted = found.joint.of(range(len(names)))
     verdict = checked(found.verdict, fitted, found.compared, shown)
-    if mates := mates_of(verdict, found.compared, found.classes):
+    if mates := fits_of_mates(verdict, found.compared, found.classes):
         those = (found.compared.likeliest, *mates)
         first = len(own) + 2 * RUNS * len(seen)
         rows = simulated(case.fitted, library, fitted, seen, those, evaluate, first)

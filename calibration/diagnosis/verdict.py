@@ -104,7 +104,7 @@ def judged(
     votes = tuple(v for s in named for v in voted(joint, recordings, s, seed))
     names = tuple(s.name for s in named)
     doubt = _doubt(recordings, votes)
-    if len(named) == 1 and (mates := _mates(compared, names[0], classes, clear=not doubt)):
+    if len(named) == 1 and (mates := mates_of(compared, names[0], classes, clear=not doubt)):
         names = (names[0], *mates)
         p = compared.probability(lambda w: any(s.name in names for s in w.suspects))
         why = doubt or "these recordings hardly tell them apart"
@@ -153,7 +153,7 @@ def _doubt(recordings: Sequence[str], votes: Sequence[Vote]) -> str:
     return f"{listed(against)} speaks against the likeliest" if against else ""
 
 
-def _mates(
+def mates_of(
     compared: Compared, name: str, classes: Sequence[Sequence[str]], *, clear: bool
 ) -> tuple[str, ...]:
     """Effects of one class with an effect, the likeliest first.

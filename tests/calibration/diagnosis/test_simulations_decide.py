@@ -5,7 +5,7 @@ from toy_diagnosis import SIZES, joint_of, recorded, series
 
 from calibration.diagnosis.alike import alike
 from calibration.diagnosis.compare import Compared, compare
-from calibration.diagnosis.confirm import Confirmed, beside_mates, checked, mates_of
+from calibration.diagnosis.confirm import Confirmed, beside_mates, checked, fits_of_mates
 from calibration.diagnosis.joint import Joint
 from calibration.diagnosis.linear import around
 from calibration.diagnosis.nulls import mismatch_in
@@ -52,7 +52,7 @@ def test_a_mate_whose_simulations_fit_as_well_is_named_too(learned: Learned) -> 
     named = Verdict("named", ("bend",), 0.9, 0.5, (), "")
     suspects = [w.which.suspects[0] for w in compared.weighed if len(w.which.suspects) == 1]
     classes = alike(around(joint, list(dict.fromkeys(suspects)), compared.nothing.best))
-    mates = mates_of(named, compared, classes)
+    mates = fits_of_mates(named, compared, classes)
     assert "twin" in [w.which.name for w in mates]
     those = [next(w for w in compared.explained if w.which.name == "bend"), *mates]
     same = [[row] * len(those) for row in rows("bend", 0.1)]
