@@ -25,6 +25,7 @@ MOST_BARS = 14
 # [standard deviations] at which a cell has its darkest colour; where some are far larger, the
 # colours rise with the logarithm from `FAINT` on.
 CLEAR, FAINT = 3.0, 0.5
+MARKS = (0.5, 1, 3, 10, 30, 100, 300, 1000, 3000, 10_000)  # on the logarithmic scale
 NAMED = 0.8  # probability from which an effect is named
 
 
@@ -62,8 +63,12 @@ def places(its: Sequence[Place]) -> str:
         axis.spines["left"].set_visible(False)
         axis.set_xlabel(label("time", "s"))
         bar = figure.add_axes((0.89, 0.62 / height, 0.018, (height - 0.72) / height))
-        figure.colorbar(ScalarMappable(scale, colours), cax=bar, label="difference / sd",
-                        extend="neither" if wide else "max")  # fmt: skip
+        beside = figure.colorbar(ScalarMappable(scale, colours), cax=bar, label="difference / sd",
+                                 extend="neither" if wide else "max")  # fmt: skip
+        if wide:
+            marks = [m for m in MARKS if m <= largest]
+            beside.set_ticks(marks, labels=[f"{m:g}" for m in marks])
+            beside.minorticks_off()
         return as_svg(figure)
 
 

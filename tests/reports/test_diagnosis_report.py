@@ -28,7 +28,7 @@ from mfopt.records.diagnosis import (
     as_json,
     read_diagnosis,
 )
-from reports.diagnosis import write_diagnosis_report
+from reports.diagnosis import charts, write_diagnosis_report
 
 TIMES = np.linspace(0.0, 2.0, 40)
 
@@ -170,3 +170,10 @@ def test_a_damaged_result_is_refused(tmp_path: Path) -> None:
         read_diagnosis(tmp_path)
     with pytest.raises(ConfigError, match="the diagnosis has not ended"):
         read_diagnosis(tmp_path / "elsewhere")
+
+
+def test_a_wide_scale_of_places_has_plain_numbers() -> None:
+    far = replace(place("wide", 0.0, stands_out=True), difference=45.0)
+    drawing = charts.places([far, place("wide", 1.0, stands_out=False)])
+    assert all(f">{mark}<" in drawing for mark in ("0.5", "1", "3", "10", "30"))
+    assert "mathdefault" not in drawing
